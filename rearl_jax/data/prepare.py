@@ -27,7 +27,7 @@ from rearl_jax.data.records import Recording
 from rearl_jax.data.scenes.cutting import build_scenes
 from rearl_jax.data.scenes.scene_files import save_scenes
 from rearl_jax.data.tables.canonical import METADATA, describe
-from rearl_jax.data.vehicle_rows import follows_row_before
+from rearl_jax.data.vehicle_rows import follows_row_before, lane_steps
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
@@ -118,8 +118,6 @@ def counts_of(recording: Recording) -> dict:
     follows = follows_row_before(track)
     classes = table["vehicle_class"].to_numpy()[~follows]
     n_frames = int(frame.max() - frame.min()) + 1
-    # NaN differs from everything, so unknown lanes must be excluded.
-    changes = follows[1:] & (lane[1:] != lane[:-1]) & np.isfinite(lane[1:]) & np.isfinite(lane[:-1])
     dropped = recording.dropped
     return {
         "recording": info.id,
@@ -136,7 +134,7 @@ def counts_of(recording: Recording) -> dict:
         "truck_share": float((classes == "truck").mean()),
         "in_view": len(table) / n_frames,
         "speed_mean": float(np.mean(table["speed"].to_numpy())),
-        "lane_changes": int(changes.sum()),
+        "lane_changes": int(np.count_nonzero(lane_steps(lane, follows))),
         "tracks_dropped": dropped.get("tracks", 0),
         "dropped": json.dumps(dict(dropped), sort_keys=True),
         "notes": "; ".join(info.notes),

@@ -14,6 +14,17 @@ def follows_row_before(track: np.ndarray) -> np.ndarray:
     return follows
 
 
+def lane_steps(lane: np.ndarray, follows: np.ndarray) -> np.ndarray:
+    """Change of the lane from the row before, 0 where one of the two lanes is unknown (NaN).
+
+    Args:
+        lane: Lanes.
+        follows: Mask of the rows that continue the track of the row before; the others have no change.
+    """
+    steps = np.diff(lane, prepend=lane[:1])
+    return np.where(follows & np.isfinite(steps), steps, 0.0)
+
+
 def first_and_last_rows(track: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First and last row of each track; the rows of a track are together."""
     first = np.flatnonzero(~follows_row_before(track))

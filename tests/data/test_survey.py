@@ -210,6 +210,7 @@ def test_what_does_not_fit_is_left_out_and_said(tmp_path):
     rows.to_csv(tmp_path / "a.csv", index=False)
     found = run(str(tmp_path / "a.csv"))
     assert set(found["refused"]) == {"lane", "lateral", "vehicle_class", "leader_id"}
+    assert not any("may be meant" in note for note in found["notes"])
     assert any("data.units={lane: -from 1}" in doubt for doubt in found["doubts"])
     (recording,) = _read(found["command"])
     assert recording.table["lane"].isna().all()

@@ -7,7 +7,7 @@ import numpy as np
 from rearl_jax.data.units import UNITS
 from rearl_jax.data.vehicle_rows import first_and_last_rows, follows_row_before
 
-STANDARD_RATES = (1.0, 2.0, 5.0, 10.0, 12.5, 15.0, 20.0, 24.0, 25.0, 30.0, 50.0, 60.0, 100.0, 120.0, 200.0)
+STANDARD_RATES = (1.0, 2.0, 5.0, 10.0, 12.0, 12.5, 15.0, 20.0, 24.0, 25.0, 30.0, 50.0, 60.0, 100.0, 120.0, 200.0)
 """Frame rates of usual cameras and receivers [1/s]; preferred where rounded times allow several rates."""
 NTSC_RATES = (24000 / 1001, 30000 / 1001, 60000 / 1001)
 """Frame rates of NTSC video [1/s]: 23.976, 29.97 and 59.94."""

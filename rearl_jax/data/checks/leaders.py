@@ -11,6 +11,11 @@ from rearl_jax.data.vehicle_rows import ABSENT, VehicleRows
 LANE_CHANGE = 1.0
 """Longest time for which a stated leader may be in another lane [s], because lane and leader change separately."""
 
+BESIDE = 2.5
+"""Lateral distance [m] from which a leader drives beside its follower, where their lanes are not known: more than the
+vehicles of one lane keep, less than most lanes are wide.
+"""
+
 COMPLETE_SHARE = 0.5
 """Share of the rows with a vehicle ahead in the lane that must have a stated leader for all leaders to count as stated.
 
@@ -37,9 +42,9 @@ def wrong_leader(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
         "in another lane": _in_other_lane(table, stated & ~itself, other, info.frame_rate),
     }
     remedy = {
-        "itself": "leave leader_id empty where a vehicle has no leader; 0 or another number means none only if no "
+        "itself": "leave it empty where a vehicle has no leader; 0 or another number means none only if no "
         "vehicle has it as its id",
-        "behind it": "name the vehicle ahead, or leave leader_id empty: the column may be that of the followers",
+        "behind it": "name the vehicle ahead, or leave it empty: the column may be that of the followers",
     }
     for where, bad in causes.items():
         if bad.any():
@@ -47,7 +52,7 @@ def wrong_leader(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
             text = f"the leader of vehicle {track[row]} is {where}"
             if where != "itself":
                 text = f"vehicle {track[other[row]]}, the leader of vehicle {track[row]}, drives {where}"
-            advice = remedy.get(where, "name the next vehicle ahead in the lane, or leave leader_id empty")
+            advice = remedy.get(where, "name the next vehicle ahead in the lane, or leave it empty")
             return Finding("wrong_leader", "leader_id", bad, text, advice)
     return None
 
@@ -112,6 +117,8 @@ def notes_on_leaders(table: pd.DataFrame) -> list[str]:
 def _in_other_lane(table: pd.DataFrame, stated: np.ndarray, other: np.ndarray, frame_rate: float) -> np.ndarray:
     """Mask of the rows of pairs that are never in the same lane and last longer than LANE_CHANGE.
 
+    Where a lane is not known, lateral positions tell whether one vehicle drives beside the other.
+
     Args:
         table: Canonical table.
         stated: Mask of the rows with a leader.
@@ -119,7 +126,10 @@ def _in_other_lane(table: pd.DataFrame, stated: np.ndarray, other: np.ndarray, f
         frame_rate: Frames per second [1/s].
     """
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
-    known = np.flatnonzero(stated & np.isfinite(lane) & np.isfinite(lane[other]))
+    lateral = table["lateral"].to_numpy()
+    have_lanes = np.isfinite(lane) & np.isfinite(lane[other])
+    same = np.where(have_lanes, lane == lane[other], np.abs(lateral - lateral[other]) < BESIDE)
+    known = np.flatnonzero(stated & (have_lanes | np.isfinite(lateral - lateral[other])))
     bad = np.zeros(len(table), dtype=bool)
     if not known.size:
         return bad
@@ -127,7 +137,7 @@ def _in_other_lane(table: pd.DataFrame, stated: np.ndarray, other: np.ndarray, f
     pairs = np.stack([track[known], track[other[known]]])
     _, pair, counts = np.unique(pairs, axis=1, return_inverse=True, return_counts=True)
     pair = pair.reshape(-1)
-    n_same = np.bincount(pair, weights=lane[known] == lane[other[known]])
+    n_same = np.bincount(pair, weights=same[known])
     apart = (n_same == 0) & (counts > LANE_CHANGE * frame_rate)
     bad[known[apart[pair]]] = True
     return bad

@@ -13,13 +13,15 @@ from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
 
 # Numbers of nines only, and the largest and smallest integers of two, four and eight bytes, which programs write for
-# "no value"; NumPy converts NaN to the integer -2^63.
-_INTEGERS = (2.0**15 - 1, 2.0**15, 2.0**16 - 1, 2.0**31 - 1, 2.0**31, 2.0**63)
+# "no value"; NumPy converts NaN to the integer -2^63, and SUMO writes -2^30.
+_INTEGERS = (2.0**15 - 1, 2.0**15, 2.0**16 - 1, 2.0**30, 2.0**31 - 1, 2.0**31, 2.0**63)
 NUMBERS = np.array([*(10.0**n - 1 for n in range(3, 11)), *_INTEGERS])
 FAR_FACTOR = 10.0  # a position further than this from the middle half of all, in widths of that half, is impossible
 MIN_FAR = 1000.0  # m, added to that distance
 NEAR = 0.7  # share of a placeholder's acceleration above which another acceleration counts as near to it
 MAX_NEAR = 0.1  # largest number of rows near to a placeholder, as a share of its own rows
+MIN_REPEATS = 3  # rows with the same impossible acceleration; equal noise in as many rows is no coincidence
+UNIT_SHARE = 0.01  # of the rows; if more accelerations are beyond friction, `unit_checks` takes the unit for wrong
 APART = 100.0  # m; a number of NUMBERS that is further than this from all positions of vehicles is a placeholder
 _POSITIONS = ("position", "lateral", "x", "y")  # x and y may be filled in from the others
 
@@ -61,6 +63,13 @@ def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> F
     return None
 
 
+def nowhere(rows: pd.DataFrame, x: str, y: str) -> Finding | None:
+    """Finding of rows whose two coordinates on a map or in an image are exactly 0: no vehicle is measured there."""
+    bad = ((rows[x] == 0.0) & (rows[y] == 0.0)).to_numpy()
+    text = "both coordinates are 0, which seems to mean an unknown value"
+    return Finding("out_of_range", "x", bad, text, "correct the place") if bad.any() else None
+
+
 def unavailable_acceleration(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
     """Finding of one repeated acceleration beyond tyre friction and all others, such as ETSI's 16.1 m/s^2 for unknown.
 
@@ -70,12 +79,14 @@ def unavailable_acceleration(table: pd.DataFrame, info: RecordingInfo, policy: D
     values = table["acceleration"].to_numpy()
     size = np.abs(values)
     beyond = values[size > ACCELERATION_P99]
-    if beyond.size < MIN_STEPS:
+    # In a small table a few rows are so many that they would be taken for another unit.
+    least = MIN_STEPS if beyond.size <= UNIT_SHARE * len(values) else MIN_REPEATS
+    if beyond.size < least:
         return None
     found, counts = np.unique(beyond, return_counts=True)
     value, n_rows = found[np.argmax(counts)], int(counts.max())
     bad = values == value
-    if n_rows < MIN_STEPS or np.count_nonzero(~bad & (size > NEAR * abs(value))) > MAX_NEAR * n_rows:
+    if n_rows < least or np.count_nonzero(~bad & (size > NEAR * abs(value))) > MAX_NEAR * n_rows:
         return None
     text = f"acceleration is {value:g} m/s^2 in {n_rows} rows, which seems to mean an unknown value"
     return Finding("out_of_range", "acceleration", bad, text, "leave it empty where it is unknown")

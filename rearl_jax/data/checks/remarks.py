@@ -8,7 +8,8 @@ import pandas as pd
 from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, lane_middles, lanes_off
 from rearl_jax.data.checks.leaders import next_in_lane, notes_on_leaders
 from rearl_jax.data.checks.typed_table import MAX_LANES, RANGES
-from rearl_jax.data.records import Recording
+from rearl_jax.data.checks.unit_checks import MIN_STEPS, moving_steps
+from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.vehicle_rows import ABSENT, first_and_last_rows, follows_row_before
 
 OVERLAPS = 0.005
@@ -19,6 +20,9 @@ Measured: 0.0004 in NGSIM US-101, whose lengths are assumed, and 0 in I-80.
 _CHANGE = 2.0  # m/s; a larger change of speed is not noise
 _LENGTH_CHANGE = 1.0  # m; more than the error of a camera from frame to frame
 _LONG_CAR = 9.8  # m, longer than every car; the length of a short car in ft
+_SHORT_CAR = 2.0  # m, shorter than every car; the length of a long car in m, read as ft
+_OFF_MOTION = 0.03  # relative difference; measured: 0.005 or less in NGSIM, OpenACC and FHWA's pairs
+_HOLE = 60.0  # s without any vehicle, longer than on any road with traffic
 _BESIDE = 3.0  # m, from the middle of the lane; a vehicle there is in another lane
 _WIDTH = 1.8  # m, of a car whose width is unknown
 
@@ -27,8 +31,9 @@ def noted(recording: Recording) -> Recording:
     """The recording, with notes on its rows added to its own notes, each once."""
     table = recording.table
     found = [*notes_on_leaders(table), *_on_lanes(table), *_on_overlaps(table), *_on_starts(table)]
-    found += [*_on_accelerations(table), *_on_changing_vehicles(table), *_on_long_cars(table)]
+    found += [*_on_accelerations(table), *_on_changing_vehicles(table), *_on_lengths_of_cars(table)]
     found += _on_missing_speeds(table, recording.info.frame_rate)
+    found += [*_on_holes(table, recording.info.frame_rate), *_on_motion(table, recording.info)]
     notes = tuple(dict.fromkeys([*recording.info.notes, *found]))
     return recording if notes == recording.info.notes else replace(recording, info=replace(recording.info, notes=notes))
 
@@ -128,13 +133,41 @@ def _on_changing_vehicles(table: pd.DataFrame) -> list[str]:
     return [f"{int(bad.sum())} vehicles change their {what}" for what, bad in changing.items() if bad.any()]
 
 
-def _on_long_cars(table: pd.DataFrame) -> list[str]:
-    """Note on cars whose median length is that of no car."""
+def _on_lengths_of_cars(table: pd.DataFrame) -> list[str]:
+    """Notes on cars whose median length is that of no car."""
     cars = table.iloc[np.flatnonzero(table["vehicle_class"] == "car")]
     length = cars.groupby("track_id")["length"].median().to_numpy()
-    n_long = int(np.count_nonzero(length > _LONG_CAR))
-    text = f"cars are longer than {_LONG_CAR:g} m: their lengths may be in ft, or they are trucks"
-    return [f"{n_long} of {len(length)} {text}"] if n_long else []
+    faults = {
+        f"longer than {_LONG_CAR:g} m: their lengths may be in ft, or they are trucks": length > _LONG_CAR,
+        f"shorter than {_SHORT_CAR:g} m: their lengths may be in another unit": length < _SHORT_CAR,
+    }
+    return [f"{int(bad.sum())} of {len(length)} cars are {text}" for text, bad in faults.items() if bad.any()]
+
+
+def _on_motion(table: pd.DataFrame, info: RecordingInfo) -> list[str]:
+    """Note if vehicles move a little less or more than speed x time, as with the rate of another camera."""
+    rows, step, expected = moving_steps(table, info)
+    if rows.size < MIN_STEPS:
+        return []
+    off = np.array([np.median(step / expected), np.sum(step) / np.sum(expected)]) - 1.0
+    if not ((off > _OFF_MOTION).all() or (off < -_OFF_MOTION).all()):
+        return []
+    text = f"vehicles move {1.0 + off[1]:.3f} times as far as speed x time"
+    return [f"{text}: speeds, or the frame rate ({info.frame_rate:g} 1/s), may be slightly wrong"]
+
+
+def _on_holes(table: pd.DataFrame, frame_rate: float) -> list[str]:
+    """Note on the longest time without any vehicle: a clock may have been shifted."""
+    frames = np.unique(table["frame"].to_numpy())
+    if len(frames) < 2 or np.diff(frames).max() <= _HOLE * frame_rate:
+        return []
+    place = int(np.argmax(np.diff(frames)))
+    is_late = table["frame"].to_numpy() > frames[place]
+    track = table["track_id"].to_numpy()
+    n_after, n_before = np.unique(track[is_late]).size, np.unique(track[~is_late]).size
+    seconds = (frames[place + 1] - frames[place]) / frame_rate
+    text = f"no vehicle is recorded for {seconds:.0f} s, between {n_before} vehicles and {n_after} others"
+    return [f"{text}: clocks may differ"]
 
 
 def _ranges(values: np.ndarray, track: np.ndarray) -> np.ndarray:

@@ -4,9 +4,12 @@ Separate recordings each hold many vehicles and number them independently, and n
 Below, `track` and `frame` are columns of a table, `part` and `other` row numbers in it.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 
+from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.vehicle_rows import first_and_last_rows
 
 _MIN_SHARE = 0.05
@@ -18,6 +21,28 @@ _MAX_CHANCE = 0.05
 def are_few(n_vehicles: int, n_others: int) -> bool:
     """True if a recording has so few vehicles, compared with another, that its rows may be stray rows of that one."""
     return n_vehicles <= max(1.0, _MIN_SHARE * n_others) and n_vehicles < n_others
+
+
+def require_own_runs(run: np.ndarray, track: np.ndarray, file: Path, column: str) -> None:
+    """Raise BadRecordingError for a run of few vehicles, whose rows seem to be those of the largest one.
+
+    Args:
+        run: Run of each row; a row without one is passed over.
+        track: Vehicle of each row, as a number.
+        file: For the message.
+        column: Name of the column of runs.
+    """
+    vehicles = pd.DataFrame({"run": run, "track": track}).dropna().groupby("run")["track"].unique()
+    if len(vehicles) < 2:
+        return
+    largest = vehicles.map(len).idxmax()
+    others = vehicles.pop(largest)
+    for name, own in vehicles.items():
+        if are_few(len(own), len(others)) or fill_gaps_of(own, others):
+            first, of_others = (f"{value:g}" if isinstance(value, float) else value for value in (name, largest))
+            text = f"run {first} has {len(own)} vehicles, such as {own[0]:g}, and run {of_others} {len(others)}"
+            remedy, row = "give their rows the run of the others, or remove them", int(np.argmax(run == name)) + 1
+            raise bad_recording("recording-contradicts", text, remedy, file, column=column, row=row)
 
 
 def are_shared(track: np.ndarray, frame: np.ndarray, part: np.ndarray, other: np.ndarray) -> bool:

@@ -60,23 +60,38 @@ def opened(path: Path) -> io.BufferedIOBase:
 def in_utf8(path: Path) -> io.BufferedIOBase:
     """The content of a text file, uncompressed, and in UTF-8 if the file is in UTF-16 or UTF-32.
 
-    Bytes that these encodings do not define are replaced; other encodings stay as they are.
+    Bytes that these encodings do not define are replaced; other encodings stay as they are. A byte order mark stays, as
+    that of UTF-8.
 
     Raises:
         BadRecordingError: The .zip does not hold exactly one file.
     """
-    codec = wide_encoding_of(path)
+    file = opened(path)
+    try:
+        codec = _wide_codec(file.read(SAMPLE_BYTES))
+    except BaseException:
+        file.close()
+        raise
+    file.seek(0)
     if not codec:
-        return opened(path)
-    text = io.TextIOWrapper(cast(BinaryIO, opened(path)), encoding=codec, errors="replace", newline="")
+        return file
+    text = io.TextIOWrapper(cast(BinaryIO, file), encoding=codec, errors="replace", newline="")
     return io.BufferedReader(_InUtf8(text))
 
 
 def wide_encoding_of(path: Path) -> str:
-    """Codec of a file in UTF-16 or UTF-32, by its first bytes; empty for another encoding."""
+    """Codec of a file in UTF-16 or UTF-32 with its order of bytes, by its first bytes; empty for another encoding."""
     with opened(path) as file:
-        codec, _ = encoding_shown(file.read(SAMPLE_BYTES))
-    return "" if codec == "utf-8-sig" else codec
+        return _wide_codec(file.read(SAMPLE_BYTES))
+
+
+def _wide_codec(head: bytes) -> str:
+    """As `wide_encoding_of`, from the first bytes of the content."""
+    codec, is_stated = encoding_shown(head)
+    if not codec or codec == "utf-8-sig":
+        return ""
+    # The byte order mark is FF FE in UTF-16 and FF FE 00 00 in UTF-32 if the first byte is the least.
+    return f"{codec}-{'le' if head[0] == 0xFF else 'be'}" if is_stated else codec
 
 
 def encoding_shown(head: bytes) -> tuple[str, bool]:

@@ -14,6 +14,7 @@ log = logging.getLogger(__name__)
 
 PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".rar", ".tar", ".tgz")
 """Endings of compressed files and archives."""
+_TABLES, _RECORDINGS = "tables", "recordings.parquet"  # of the results of `rearl prepare`
 _MAX_DEPTH = 2  # levels of subfolders that are searched to name them in an error
 _MAX_NAME_LENGTH = 150  # characters; 255 is the limit of most file systems, with an ending and a mark while unfinished
 _DEVICES = frozenset({"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(1, 10))})
@@ -62,6 +63,16 @@ def tell_of_others_below(root: Path, endings: tuple[str, ...]) -> None:
     """Warns once that files in subfolders are not read."""
     if below := _folders_below(root, endings):
         log.warning("%s: the files in %s are not read: name that folder, or move them up", root, _listed(below))
+
+
+@lru_cache(maxsize=256)
+def tell_of_unfinished(root: Path) -> None:
+    """Warns once that a folder holds the tables of a task that has not written its list of recordings."""
+    folder = root.absolute()
+    study = folder.parent
+    is_of_study = folder.name == _TABLES and (study / "config.json").is_file()
+    if is_of_study and not (study / _RECORDINGS).is_file():
+        log.warning("%s: the task that wrote these tables did not finish: recordings may be missing", root)
 
 
 def file_name_of(recording: str, taken: Collection[str] = ()) -> str:
@@ -157,6 +168,6 @@ def _listed(folders: Sequence[Path]) -> str:
 
 def tables_of_study(folder: Path) -> Path | None:
     """The folder of the recordings in the results of `rearl prepare`; None for another folder."""
-    tables = folder / "tables"
-    is_study = (folder / "config.json").is_file() and (folder / "recordings.parquet").is_file()
+    tables = folder / _TABLES
+    is_study = (folder / "config.json").is_file() and (folder / _RECORDINGS).is_file()
     return tables if is_study and tables.is_dir() else None

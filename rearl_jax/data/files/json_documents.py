@@ -4,7 +4,6 @@ The file is read in blocks. The documents of a block are found by their brackets
 """
 
 import io
-import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import json
 
-from rearl_jax.data.files.content import compression_of, wide_encoding_of
+from rearl_jax.data.files.content import compression_of, in_utf8, wide_encoding_of
 from rearl_jax.data.problems import bad_recording, file_missing
 
 BLOCK_BYTES = 16 * 2**20
@@ -30,11 +29,13 @@ class Documents:
 
     Attributes:
         starts: Byte offsets of the documents in the file.
-        texts: Content of the documents.
+        sizes: Their lengths in the file [bytes].
+        texts: Content of the documents, in UTF-8.
         n_broken: Number of documents after these that have no end, because the file is cut off.
     """
 
     starts: list[int]
+    sizes: list[int]
     texts: list[bytes]
     n_broken: int = 0
 
@@ -43,32 +44,30 @@ def documents(path: Path) -> Iterator[Documents]:
     """The documents of a file, block by block.
 
     Raises:
-        BadRecordingError: The file is empty, compressed, not in UTF-8, or holds something else than objects.
+        BadRecordingError: The file is empty, compressed, or holds something else than objects.
         FileNotFoundError: There is no such file.
     """
     if not path.is_file():
         raise file_missing(path)
     if packed := compression_of(path):
         raise bad_recording("not-json", f"the file is compressed ({packed})", "unpack it", path)
-    if codec := wide_encoding_of(path).upper():
-        # iconv spells the codecs without a byte order mark UTF-16LE and UTF-16BE.
-        name = codec.replace("-LE", "LE").replace("-BE", "BE")
-        remedy = f"convert it: iconv -f {name} -t UTF-8 {shlex.quote(str(path))} > COPY.json"
-        raise bad_recording("not-json", f"the file is in {name}, not in UTF-8", remedy, path)
+    codec = wide_encoding_of(path)
     rest, offset, is_array, closed, n_found = b"", 0, False, False, 0
-    with path.open("rb") as file:
+    with in_utf8(path) as file:
         while block := file.read(BLOCK_BYTES):
             text = rest + block
             if offset == 0 and not n_found:
                 is_array = text.lstrip(b"\xef\xbb\xbf" + _SEPARATORS).startswith(b"[")
             begins, ends = _spans(text)
             _require_json(text, begins, ends, offset, path)
-            if ends.size:
-                texts = [text[begin:end] for begin, end in zip(begins[: ends.size], ends, strict=True)]
-                yield Documents([offset + int(begin) for begin in begins[: ends.size]], texts)
-                n_found += ends.size
             done = int(ends[-1]) if ends.size else 0
-            offset += done
+            if ends.size:
+                bounds = np.stack([begins[: ends.size], ends], axis=1).ravel()
+                texts = [text[begin:end] for begin, end in bounds.reshape(-1, 2)]
+                in_file = offset + _places_in_file(text, bounds, codec)
+                yield Documents(in_file[::2].tolist(), np.diff(in_file)[::2].tolist(), texts)
+                n_found += ends.size
+                offset = int(in_file[-1])
             rest = text[done:]
             closed = rest.rstrip(_SEPARATORS).endswith(b"]") and begins.size == ends.size
             if len(rest) > MAX_DOCUMENT_BYTES:
@@ -78,7 +77,7 @@ def documents(path: Path) -> Iterator[Documents]:
     if not n_found and not tail:
         raise bad_recording("file-empty", "the file holds no documents", "remove the file or complete it", path)
     if tail or (is_array and not closed):
-        yield Documents([], [], max(tail.count(b'"_id"'), 1))
+        yield Documents([], [], [], max(tail.count(b'"_id"'), 1))
 
 
 def _spans(text: bytes) -> tuple[np.ndarray, np.ndarray]:
@@ -127,14 +126,23 @@ def _require_json(text: bytes, begins: np.ndarray, ends: np.ndarray, offset: int
         raise bad_recording("not-json", fault, "give an array of objects, or one object per line", path)
 
 
+def _places_in_file(text: bytes, places: np.ndarray, codec: str) -> np.ndarray:
+    """Places in a text in UTF-8, ascending, as places in its spelling in another encoding; codec is empty for none."""
+    if not codec:
+        return places
+    parts = zip([0, *places[:-1]], places, strict=True)
+    return np.cumsum([len(text[begin:end].decode(errors="replace").encode(codec)) for begin, end in parts])
+
+
 def read_documents(path: Path, starts: Sequence[int], sizes: Sequence[int]) -> list[bytes]:
-    """The documents at byte offsets of a file."""
+    """The documents at byte offsets of a file, in UTF-8."""
+    codec = wide_encoding_of(path)
     with path.open("rb") as file:
         texts = []
         for start, size in zip(starts, sizes, strict=True):
             file.seek(start)
             texts.append(file.read(size))
-    return texts
+    return [text.decode(codec, errors="replace").encode() for text in texts] if codec else texts
 
 
 def parsed(texts: Sequence[bytes], fields: dict[str, pa.DataType]) -> tuple[pa.Table, np.ndarray]:

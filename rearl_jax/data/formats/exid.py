@@ -17,6 +17,7 @@ import pyarrow.compute as pc
 
 from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.losses import Losses, reject
+from rearl_jax.data.checks.placeholders import nowhere
 from rearl_jax.data.checks.recorded_tracks import whole_tracks
 from rearl_jax.data.files.delimited import read_csv, read_header
 from rearl_jax.data.formats.backward_speeds import standing
@@ -95,6 +96,7 @@ def read_recording(tracks_file: Path, policy: DataConfig) -> Recording:
         columns=_SPELLING,
     )
     rows = whole_tracks(rows, meta, info, policy, losses)
+    rows = reject(rows, nowhere(rows, "xCenter", "yCenter"), info, policy, losses)
     rows = rows.iloc[np.lexsort((rows["frame"].to_numpy(), rows["track_id"].to_numpy()))]
     road = _straight(rows, info)
     table, notes = _driver_frame(rows, meta, road)

@@ -46,7 +46,7 @@ def find_pairs(root: Path) -> Path:
 
 def pairs_recordings(path: Path) -> dict[str, str]:
     """Recording id -> run of the table, such as fhwa_run1 -> run1."""
-    return {f"fhwa_{run}": run for run in runs_of(path, "recording", COLUMNS)}
+    return {f"fhwa_{run}": run for run in runs_of(path, "recording", "pair", COLUMNS)}
 
 
 def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Recording:

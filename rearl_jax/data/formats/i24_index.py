@@ -109,12 +109,13 @@ def index_of(path: Path, policy: DataConfig) -> Index:
 @lru_cache(maxsize=2)
 def _index(path: Path, window: float | None, section: float | None, on_bad: BadRows, stamp: tuple[int, int]) -> Index:
     index, known_ids = Index(path, on_bad), set[str]()
-    steps, begins, miles, offsets_from_middle = [], [], [], []
+    steps, begins, miles = [], [], []
+    offsets_from_middle: dict[float, list[np.ndarray]] = {-1.0: [], 1.0: []}  # by direction
     backward = Counter[tuple[float, bool]]()  # vehicles by direction, and by whether they moved against it
     for block in documents(path):
         first = len(index.starts)
         index.starts += block.starts
-        index.sizes += [len(text) for text in block.texts]
+        index.sizes += block.sizes
         if block.n_broken:
             index.leave_out("broken_document", block.n_broken, len(index.starts), "the file is cut off")
         if not block.texts:
@@ -136,7 +137,8 @@ def _index(path: Path, window: float | None, section: float | None, on_bad: BadR
         direction = tracks.of_document("direction")
         steps.append(np.diff(times)[tracks.follows[1:]])
         begins.append(times[tracks.begins])
-        offsets_from_middle.append(np.abs(tracks.values("y_position")[tracks.begins]))
+        for side, of_side in offsets_from_middle.items():
+            of_side.append(np.abs(tracks.values("y_position")[tracks.begins])[direction == side])
         miles.append(x[tracks.begins] / _FEET_PER_MILE)
         moved = (x[tracks.ends] - x[tracks.begins]) * direction
         for side in (-1.0, 1.0):
@@ -155,7 +157,9 @@ def _index(path: Path, window: float | None, section: float | None, on_bad: BadR
     _require_forward(backward, path)
     if not begins:
         return index
-    _require_units(np.concatenate(begins), np.concatenate(miles), np.concatenate(offsets_from_middle), path)
+    _require_units(np.concatenate(begins), np.concatenate(miles), path)
+    for side, of_side in offsets_from_middle.items():
+        _require_feet_across(np.concatenate(of_side), side, path)
     index.frame_rate = frame_rate_of(np.concatenate(steps), path, "timestamp")
     index.phase = phase_of(np.concatenate(begins) * index.frame_rate)
     return index
@@ -284,10 +288,13 @@ def _sound(index: Index, table: pa.Table, numbers: np.ndarray, known_ids: set[st
 
 
 def _require_fields(table: pa.Table, path: Path) -> None:
-    for name in FIELDS:
-        if table.num_rows and table[name].null_count == table.num_rows:
-            text = "no document of the block has the field"
-            raise bad_recording("column-missing", text, "give trajectories of I-24 MOTION INCEPTION", path, column=name)
+    lacking = [name for name in FIELDS if table.num_rows and table[name].null_count == table.num_rows]
+    if len(lacking) == len(FIELDS):
+        text = f"{path.name} does not hold trajectories of I-24 MOTION"
+        raise bad_recording("not-a-table", text, "move it out of the folder", path)
+    if lacking:
+        text, remedy = "no document of the block has the field", "give trajectories of I-24 MOTION INCEPTION"
+        raise bad_recording("column-missing", text, remedy, path, column=lacking[0])
 
 
 def _require_forward(backward: Counter[tuple[float, bool]], path: Path) -> None:
@@ -299,8 +306,8 @@ def _require_forward(backward: Counter[tuple[float, bool]], path: Path) -> None:
             raise bad_recording("wrong-direction", text, remedy, path, column="x_position")
 
 
-def _require_units(times: np.ndarray, miles: np.ndarray, offsets_from_middle: np.ndarray, path: Path) -> None:
-    """Raise BadRecordingError for times, mile markers or distances from the middle of the road [ft] in another unit."""
+def _require_units(times: np.ndarray, miles: np.ndarray, path: Path) -> None:
+    """Raise BadRecordingError for times or mile markers in another unit."""
     mile, time = float(np.median(miles)), float(np.median(times))
     if not MILES[0] <= mile <= MILES[1]:
         text = (
@@ -310,11 +317,18 @@ def _require_units(times: np.ndarray, miles: np.ndarray, offsets_from_middle: np
     if not _SINCE <= time <= _UNTIL:
         text = f"the times are about {time:.6g}"
         raise bad_recording("wrong-units", text, "give the times in s since 1970", path, column="timestamp")
+
+
+def _require_feet_across(offsets_from_middle: np.ndarray, side: float, path: Path) -> None:
+    """Raise BadRecordingError if the distances of a carriageway's vehicles from the middle of the road are not in ft.
+
+    Each carriageway is checked by itself, because both together hide a fault of one.
+    """
     offsets_from_middle = offsets_from_middle[np.isfinite(offsets_from_middle)]
     # Most vehicles drive right of the left shoulder, some right of the second lane, none beyond the sixth.
     far = float(np.quantile(offsets_from_middle, 0.95)) if offsets_from_middle.size else 0.0
     if offsets_from_middle.size >= _MIN_DOCUMENTS and (
         np.median(offsets_from_middle) < LANE or not 2.0 * LANE <= far <= 7.5 * LANE
     ):
-        text = f"the outermost vehicles are {far:.3g} ft beside the middle of the road"
+        text = f"direction {side:g}: the outermost vehicles are {far:.3g} ft beside the middle of the road"
         raise bad_recording("wrong-units", text, "give y_position in feet", path, column="y_position")

@@ -8,6 +8,7 @@ import pandas as pd
 
 from rearl_jax.data.checks.stray_rows import are_few, are_shared, continue_in, fill_gaps_of
 from rearl_jax.data.formats.ngsim import LANES
+from rearl_jax.data.formats.published_names import plain
 from rearl_jax.data.problems import bad_recording, source_row
 
 ARTERIALS = ("lankershim", "peachtree")
@@ -95,11 +96,6 @@ def places_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
         remedy = f"write {' or '.join(known)} there, or remove the rows"
         raise _error("location-unknown", f"{text}, the others {' and '.join(known)}", remedy, rows, part, path)
     return places or {_place_of(path.name): np.arange(0)}
-
-
-def plain(name: str) -> str:
-    """A column or place name without case and punctuation: the spelling differs from copy to copy."""
-    return "".join(c for c in name.lower() if c.isalnum())
 
 
 def _require_ms(track: np.ndarray, frame: np.ndarray, time: np.ndarray, path: Path) -> None:

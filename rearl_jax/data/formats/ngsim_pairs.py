@@ -15,6 +15,7 @@ import pandas as pd
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.losses import Losses, reject, split_tracks
+from rearl_jax.data.checks.stray_rows import require_own_runs
 from rearl_jax.data.checks.unit_checks import MEDIAN_SIZE, require_period
 from rearl_jax.data.files.columnar import column_names, read_columns
 from rearl_jax.data.files.folder import only_parquet
@@ -40,7 +41,7 @@ def find_pairs(root: Path) -> Path:
 def pairs_recordings(path: Path) -> dict[str, str]:
     """Recording id -> run of the table, such as i80_0400 -> 0400pm-0415pm."""
     recordings: dict[str, str] = {}
-    for run in runs_of(path, "run", COLUMNS):
+    for run in runs_of(path, "run", "follower", COLUMNS):
         name = f"i80_{run[:4]}"
         if name in recordings:
             text = f"the runs {recordings[name]} and {run} would both be {name}"
@@ -49,16 +50,17 @@ def pairs_recordings(path: Path) -> dict[str, str]:
     return recordings
 
 
-def runs_of(path: Path, column: str, columns: Sequence[str]) -> list[str]:
+def runs_of(path: Path, column: str, vehicle: str, columns: Sequence[str]) -> list[str]:
     """Runs of a table of pairs, by name.
 
     Args:
         path: The file.
         column: Column of the runs.
+        vehicle: Column of numbers of vehicles or pairs.
         columns: All columns that the table must have.
 
     Raises:
-        BadRecordingError: A column is missing, a row has no run, or there are no rows.
+        BadRecordingError: A column is missing, a row has no run or seems to have that of others, or there are no rows.
     """
     require_columns(column_names(path), columns, path)
     runs = read_columns(path, (), (column,))[column]
@@ -66,7 +68,11 @@ def runs_of(path: Path, column: str, columns: Sequence[str]) -> list[str]:
     if unnamed.any() or runs.empty:
         text, row = ("the table has no rows", None) if runs.empty else ("a row has no run", source_row(runs, unnamed))
         raise bad_recording("run-unnamed", text, "complete the file", path, column=column, row=row)
-    return sorted(runs.unique().tolist())
+    names = runs.unique().tolist()
+    if len(names) > 1:
+        vehicles = read_columns(path, (vehicle,))[vehicle].to_numpy(np.float64, na_value=np.nan)
+        require_own_runs(runs.to_numpy(object), vehicles, path, column)
+    return sorted(names)
 
 
 def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Recording:

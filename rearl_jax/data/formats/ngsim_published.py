@@ -25,16 +25,17 @@ from rearl_jax.data.files.delimited import read_blank_separated, read_csv, read_
 from rearl_jax.data.files.folder import named_files, visible_files
 from rearl_jax.data.files.text_layout import first_lines, first_names
 from rearl_jax.data.formats.ngsim import ATTRIBUTION, CLASSES, FRAME_RATE, LANES, LICENCE, US101_LENGTH
-from rearl_jax.data.formats.ngsim_clock import ARTERIALS, impossible_times, places_of, plain, recordings_of
+from rearl_jax.data.formats.ngsim_clock import ARTERIALS, impossible_times, places_of, recordings_of
+from rearl_jax.data.formats.published_names import by_plain_name, plain, unit_stated
 from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
-from rearl_jax.data.units import to_si
+from rearl_jax.data.units import SI_FACTOR, to_si
 
 # Canonical name: name in the published tables without case and punctuation, unit, required.
 _PUBLISHED = {
     "track_id": ("vehicleid", None, True),
     "frame": ("frameid", None, True),
-    "global_time": ("globaltime", None, True),
+    "global_time": ("globaltime", "ms", True),
     "lateral": ("localx", "ft", True),
     "front": ("localy", "ft", True),
     "length": ("vlength", "ft", True),
@@ -46,6 +47,8 @@ _PUBLISHED = {
     "leader_id": ("preceding", None, False),
     "location": ("location", None, False),
 }
+_KINDS = {"ms": "s", "ft": "m", "ft/s": "m/s", "ft/s^2": "m/s^2"}
+"""Kinds of the units of the columns; the name of a column may state another unit of the kind."""
 _TXT_COLUMNS = (
     "Vehicle_ID Frame_ID Total_Frames Global_Time Local_X Local_Y Global_X Global_Y v_Length v_Width v_Class "
     "v_Vel v_Acc Lane_ID Preceding Following Space_Headway Time_Headway"
@@ -149,11 +152,13 @@ class PublishedFile:
         losses = Losses()
         is_txt = self.path.name.lower().endswith(text_endings(".txt"))
         self._require_table(is_txt=is_txt)
-        names = {plain(name): name for name in (_TXT_COLUMNS if is_txt else read_header(self.path))}
+        header = _TXT_COLUMNS if is_txt else read_header(self.path)
+        names = by_plain_name(header, {name for name, _, _ in _PUBLISHED.values()}, self.path)
         if "preceeding" in names:
             names["preceding"] = names.pop("preceeding")
-        required = tuple(name for name, _, needed in _PUBLISHED.values() if needed)
-        require_columns(names, required, self.path)
+        for canonical, (name, _, needed) in _PUBLISHED.items():
+            if needed and name not in names:
+                require_columns(header, [_PUBLISHED_SPELLING.get(canonical, "Global_Time")], self.path)
         types = {
             names[name]: _TYPES.get(column, pa.float64() if unit else pa.int64())
             for column, (name, unit, _) in ((column, _PUBLISHED[column]) for column in wanted)
@@ -169,6 +174,9 @@ class PublishedFile:
             raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", self.path)
         renamed = {names[_PUBLISHED[c][0]]: c for c in wanted if _PUBLISHED[c][0] in names}
         rows = rows.reindex(columns=list(renamed)).rename(columns=renamed)
+        for name, (source, unit, _) in _PUBLISHED.items():
+            if unit and name in rows and (stated := unit_stated(names[source], _KINDS[unit], self.path)):
+                rows[name] *= SI_FACTOR[stated] / SI_FACTOR[unit]
         for name in _KEYS:
             missing = rows[name].isna().to_numpy()
             if missing.any() and self._policy.on_bad is BadRows.stop:

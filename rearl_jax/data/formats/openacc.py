@@ -19,12 +19,13 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import typed_table
 from rearl_jax.data.checks.frame_rates import phase_of
 from rearl_jax.data.checks.losses import Losses, stop_or_count
-from rearl_jax.data.checks.unit_checks import is_other_unit, require_period, scale_of
+from rearl_jax.data.checks.unit_checks import require_period
 from rearl_jax.data.files.columnar import column_names, read_columns
 from rearl_jax.data.files.folder import only_parquet
 from rearl_jax.data.formats import openacc_index
 from rearl_jax.data.formats.backward_speeds import MAX_BACKWARD
 from rearl_jax.data.formats.openacc_drivers import switched
+from rearl_jax.data.formats.openacc_pairs import checked_pairs, on_breaks
 from rearl_jax.data.problems import Finding, bad_recording, source_row
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
@@ -51,12 +52,14 @@ class Platoon:
         first: Number of its first vehicle in the file; 1 leads all others.
         last: Number of its last vehicle.
         unlinked: Numbers of vehicles of the file that belong to no part; listed with the first part only.
+        notes: Notes on vehicles and gaps that the file lacks.
     """
 
     file: str
     first: int
     last: int
     unlinked: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def find_platoons(root: Path) -> Path:
@@ -92,7 +95,8 @@ def platoon_recordings(path: Path) -> dict[str, Platoon]:
         for chain in chains:
             first, last = int(chain[0]), int(chain[-1])
             name = f"openacc_{file}" + (f"_{first}to{last}" if len(chains) > 1 else "")
-            recordings[name] = Platoon(str(file), first, last, unlinked)
+            notes = on_breaks(places.tolist(), places[linked.to_numpy()].tolist())
+            recordings[name] = Platoon(str(file), first, last, unlinked, notes)
             unlinked = ()
     return recordings
 
@@ -166,7 +170,7 @@ def rebuilt(
         rows["t_s"].to_numpy(np.float64), rows["pos"].to_numpy(), 1.0 / FRAME_RATE, info.file, columns["frame"]
     )
     rows = _plausible(rows, platoon, info, policy, losses)
-    table, placed, n_filled = _placed(rows, platoon, policy.default_length, info)
+    table, placed, n_filled, of_pairs = _placed(rows, platoon, policy.default_length, info)
     for name, value in labels.items():
         table[name] = [value[place] for place in table["track_id"]] if isinstance(value, Mapping) else value
     text = "gap or speed unknown for over 1 s"
@@ -182,7 +186,7 @@ def rebuilt(
     note += f"{int(backward.sum())} negative speeds set to 0"
     table = table.assign(speed=np.where(backward, 0.0, table["speed"]))
     road_length = float(np.max(table["position"].to_numpy() + 0.5 * table["length"].to_numpy()))
-    info = replace(info, notes=(*info.notes, note), road_length=road_length)
+    info = replace(info, notes=(*info.notes, *platoon.notes, *of_pairs, note), road_length=road_length)
     return Recording(info, *validate(table, info, policy, losses))
 
 
@@ -216,7 +220,8 @@ def _plausible(
     """The platoon's rows with frame numbers, in which impossible speeds and gaps are set to NaN."""
     place, time = rows["pos"].to_numpy(np.float64), rows["t_s"].to_numpy(dtype=np.float64)
     unlinked = np.isin(place, platoon.unlinked)
-    _leave_out(unlinked, rows, "unlinked", "track_id", "no gap to a neighbour", info, policy, losses)
+    text = f"vehicle {', '.join(map(str, platoon.unlinked))} has no gap to a neighbour"
+    _leave_out(unlinked, rows, "unlinked", "track_id", text, info, policy, losses)
     inside = (place >= platoon.first) & (place <= platoon.last)
     finite = np.isfinite(time)
     usual = np.median(time[finite]) if finite.any() else np.nan
@@ -248,8 +253,8 @@ def _plausible(
 
 def _placed(
     rows: pd.DataFrame, platoon: Platoon, length: float, info: RecordingInfo
-) -> tuple[pd.DataFrame, np.ndarray, int]:
-    """Table of all vehicles in all frames, mask of rows with a known position, number of filled values."""
+) -> tuple[pd.DataFrame, np.ndarray, int, tuple[str, ...]]:
+    """Table of all vehicles in all frames, mask of rows with a known position, number of filled values, and notes."""
     frame, place = rows["frame"].to_numpy(), rows["pos"].to_numpy(np.float64).astype(np.int64)
     frames = np.arange(frame.min(), frame.max() + 1)
     places = np.arange(platoon.first, platoon.last + 1)
@@ -262,7 +267,7 @@ def _placed(
 
     measured = grid(rows["speed_mps"].to_numpy(dtype=np.float64))
     gaps = grid(rows["gap_to_follower_m"].to_numpy(dtype=np.float64))[:, :-1]
-    _require_units(gaps, measured, info)
+    notes = checked_pairs(gaps, measured, places.tolist(), FRAME_RATE, info)
     speed, ahead = fill_holes(measured), fill_holes(gaps)
     n_filled = int((~np.isnan(speed)).sum() - (~np.isnan(measured)).sum())
     n_filled += int((~np.isnan(ahead)).sum() - (~np.isnan(gaps)).sum())
@@ -292,22 +297,7 @@ def _placed(
         },
         index=source_row.to_numpy().astype(np.int64),
     )
-    return table, placed.ravel("F"), n_filled
-
-
-def _require_units(gaps: np.ndarray, speed: np.ndarray, info: RecordingInfo) -> None:
-    """Raise BadRecordingError if changes of gaps are not the integrals of speed differences: a unit is wrong."""
-    n = 2 * round(FRAME_RATE)  # 2 s, over which the receivers' errors matter little
-    if len(speed) <= n:
-        return
-    closing = speed[:, :-1] - speed[:, 1:]
-    mean = 0.5 * (closing[1:] + closing[:-1]) / FRAME_RATE
-    expected = np.stack([np.convolve(column, np.ones(n), mode="valid") for column in mean.T], axis=1)
-    scale = scale_of((gaps[n:] - gaps[:-n]).ravel(), expected.ravel())
-    if scale is not None and is_other_unit(scale):
-        text = f"gaps change {scale[0]:.2f} to {scale[1]:.2f} times as fast as the differences of speeds"
-        remedy = "give speeds in m/s and gaps in m"
-        raise bad_recording("wrong-units", text, remedy, info.file, column=info.columns["position"])
+    return table, placed.ravel("F"), n_filled, notes
 
 
 def _leave_out(

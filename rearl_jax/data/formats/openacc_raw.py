@@ -27,9 +27,11 @@ from rearl_jax.data.files.text_layout import first_lines, readable
 from rearl_jax.data.formats import openacc, openacc_index
 from rearl_jax.data.formats.openacc import FRAME_RATE, MAX_HOLE, MODEL, Platoon
 from rearl_jax.data.formats.openacc_drivers import ACC
+from rearl_jax.data.formats.openacc_pairs import on_breaks
+from rearl_jax.data.formats.published_names import split_unit, unit_stated
 from rearl_jax.data.problems import Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo
-from rearl_jax.data.units import UNITS, to_si, unit_named
+from rearl_jax.data.units import to_si
 
 SETTING = "setting"
 """Label of tracks: the distance that was set, in the words of the file; mixed where cars were set differently."""
@@ -37,7 +39,6 @@ SETTING = "setting"
 _ENDINGS = text_endings(".csv")
 _HEADER_KEYS = ("Vehicle_order", "ACC", "Distance_setting")
 _MAX_HEADER_LINES = 20  # lines above the table; there are 6
-_NAME = re.compile(r"(\w+)\s*[\[(]\s*(.*?)\s*[\])]")  # name of a column with its unit
 # Beginning of the line with the names of the columns.
 _COLUMNS = re.compile(r"Time\s*(?:[\[(][^\[\]()]*[\])]\s*)?([,;\t])")
 _OF_VEHICLE = re.compile(r"(?:Speed|IVS|Driver|Lat|Lon|Alt|E|N|U)[ _]?(\d+)(?!\d)", re.IGNORECASE)
@@ -116,10 +117,11 @@ def runs_of(path: Path) -> dict[str, Platoon]:
         text = "no two neighbours have the columns Speed and IVS"
         raise bad_recording("column-missing", text, "complete the columns", path, column="IVS1")
     recordings = {}
+    notes = on_breaks(speeds, gaps, header.about["Vehicle_order"])
     name = f"openacc_{path.absolute().parent.name}_{stem_of(path)}"
     for chain in chains:
         part = f"_{chain[0]}to{chain[-1]}" if len(chains) > 1 else ""
-        recordings[f"{name}{part}"] = Platoon(stem_of(path), chain[0], chain[-1], unlinked)
+        recordings[f"{name}{part}"] = Platoon(stem_of(path), chain[0], chain[-1], unlinked, notes)
         unlinked = ()
     return recordings
 
@@ -201,10 +203,11 @@ def read_header_of(path: Path) -> Header:
     require_columns(about, _HEADER_KEYS, path)
     columns, units = [], {}
     for spelt in rows[-1]:
-        parts = _NAME.fullmatch(spelt)
-        columns.append(parts[1] if parts else spelt)
-        if parts and (unit := _unit_of(spelt, parts[1], parts[2], path)):
-            units[parts[1]] = unit
+        name, _ = split_unit(spelt)
+        columns.append(name)
+        kind = _KINDS.get(name.rstrip("0123456789"))
+        if kind is not None and (unit := unit_stated(spelt, kind, path)):
+            units[name] = unit
     header = Header(about, columns, place + 1, found[1], units)
     _require_speeds(header, rows[-1], path)
     most = max(header.numbered("Speed"), default=0)
@@ -212,18 +215,6 @@ def read_header_of(path: Path) -> Header:
         text = f"{len(about['Vehicle_order'])} vehicles are named, but there are columns of vehicle {most}"
         raise bad_recording("vehicle-unnamed", text, "name all vehicles", path, column="Vehicle_order")
     return header
-
-
-def _unit_of(column: str, name: str, stated: str, path: Path) -> str | None:
-    """Unit of a column that is read, as the file states it; None for any other column, or if it states none."""
-    kind = _KINDS.get(name.rstrip("0123456789"))
-    if kind is None or not stated:
-        return None
-    unit = unit_named(stated, kind)
-    if unit is None:
-        text, remedy = f"the unit {stated} of the column is not known", f"give one of {', '.join(UNITS[kind])}"
-        raise bad_recording("unit-unknown", text, remedy, path, column=column)
-    return unit
 
 
 def _require_speeds(header: Header, spelt: list[str], path: Path) -> None:

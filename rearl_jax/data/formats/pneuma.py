@@ -182,14 +182,16 @@ def _vehicle(line: bytes, path: Path, row: int, layout: Layout) -> _Vehicle:
         # By Arrow, which parses millions of numbers per second.
         parts = pc.call_function("split_pattern", [pa.array([fields[-1]])], pc.SplitPatternOptions(delimiter)).flatten()
         values = pc.call_function("utf8_trim_whitespace", [parts]).cast(pa.float64()).to_numpy()
-        number = int(fields[0])
+        number = float(fields[0])
+        if not number.is_integer():
+            raise ValueError(f"track_id is {fields[0].strip()}, not a whole number")
     except (pa.ArrowInvalid, ValueError) as error:
         fault = str(error).partition("\n")[0]
         raise bad_recording("value-unreadable", fault, f"write a number there{DROP_HINT}", path, row=row + 1) from None
     if not abs(number) < 2**53:
-        raise bad_recording("value-unreadable", f"track_id is {number}", "correct it", path, row=row + 1)
+        raise bad_recording("value-unreadable", f"track_id is {number:g}", "correct it", path, row=row + 1)
     values = np.where(np.abs(values) <= MAX_MAGNITUDE, values, np.nan)
-    return _Vehicle(number, fields[1].strip().title(), values.reshape(-1, len(REPEATED_COLUMNS)))
+    return _Vehicle(int(number), fields[1].strip().title(), values.reshape(-1, len(REPEATED_COLUMNS)))
 
 
 def _broken(text: str, path: Path, row: int) -> BadRecordingError:

@@ -14,6 +14,7 @@ import pandas as pd
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import clock
 from rearl_jax.data.checks.losses import Losses, reject, split_tracks
+from rearl_jax.data.checks.placeholders import is_placeholder
 from rearl_jax.data.checks.typed_table import MAX_LANES, MAX_MAGNITUDE
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.roads.main_road import Steps, main_road
@@ -167,6 +168,11 @@ def _known(rows: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: 
             text = "the value is missing, infinite or unreadable"
             finding = Finding("not_finite", name, missing, text, "complete it")
             rows = reject(rows, finding, info, policy, losses)
+    # Lengths of links follow from speeds, so a speed that stands for none would move other vehicles.
+    unknown = is_placeholder(rows["speed"].to_numpy(np.float64))
+    if unknown.any():
+        text = f"speed is {rows['speed'].iloc[int(np.argmax(unknown))]:g}, which seems to mean an unknown value"
+        rows = reject(rows, Finding("out_of_range", "speed", unknown, text, "correct it"), info, policy, losses)
     return rows
 
 

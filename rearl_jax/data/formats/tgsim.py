@@ -19,14 +19,17 @@ import pyarrow.compute as pc
 from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.frame_rates import frame_rate_of, frames_of
 from rearl_jax.data.checks.losses import Losses, reject
+from rearl_jax.data.checks.placeholders import nowhere
+from rearl_jax.data.checks.stray_rows import require_own_runs
 from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE
 from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.text_layout import first_names
-from rearl_jax.data.formats.ngsim_clock import plain
+from rearl_jax.data.formats.published_names import by_plain_name, plain, unit_stated
 from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, require_columns, without_value
 from rearl_jax.data.roads.straightened import Straightened, leave_out, straightened
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.units import to_si
 from rearl_jax.data.vehicle_rows import follows_row_before
 
 LICENCE = "public domain (U.S. Government work)"
@@ -49,6 +52,8 @@ _COLUMNS = {
     "vehicle_class": "typemostcommon",
 }
 _OPTIONAL = {"run": "runindex", "av": "av", "acc": "acc"}
+_KINDS = dict.fromkeys(("x", "y", "length", "width"), "m") | {"time": "s", "speed": "m/s", "acceleration": "m/s^2"}
+"""SI units of the columns; the name of a column may state another."""
 _TYPES = {
     "track_id": pa.int64(),
     "run": pa.int64(),
@@ -96,13 +101,15 @@ def runs(path: Path, policy: DataConfig) -> dict[str, int | None]:
     name = f"tgsim_{_place(path)}"
     if "run" not in names:
         return {name: None}
-    rows, _ = read_csv(path, {names["run"]: pa.int64()}, policy.on_bad)
+    rows, _ = read_csv(path, {names[name]: pa.int64() for name in ("run", "track_id")}, policy.on_bad)
     if not rows.num_rows:
         raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
     _without_run(rows, names["run"], path, policy)
     found = sorted(run for run in rows[names["run"]].unique().to_pylist() if run is not None)
     if not found:
         raise bad_recording("no-row-left", "no row states its run", _RUN_REMEDY, path, column=names["run"])
+    run, track = (rows[names[name]].to_numpy(zero_copy_only=False) for name in ("run", "track_id"))
+    require_own_runs(run, track, path, names["run"])
     return {f"{name}_{run}": run for run in found}
 
 
@@ -134,6 +141,8 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
     for name in ("track_id", "time"):
         rows = reject(rows, without_value(rows, name), info, policy, losses)
     rows = rows.astype({"track_id": np.int64}).sort_values(["track_id", "time"], kind="stable")
+    # Before the road is found, because its length and its axis follow from all places.
+    rows = reject(rows, nowhere(rows, "x", "y"), info, policy, losses)
     time, follows = rows["time"].to_numpy(np.float64), follows_row_before(rows["track_id"].to_numpy())
     rate = frame_rate_of(np.diff(time)[follows[1:]], path, names["time"])
     frame, of_times = frames_of(time, np.flatnonzero(~follows), rate)
@@ -172,7 +181,7 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
 def _names(path: Path) -> dict[str, str]:
     """Canonical name of each column -> its name in the file."""
     header = read_header(path)
-    present = {plain(name): name for name in header}
+    present = by_plain_name(header, {*_COLUMNS.values(), *_OPTIONAL.values()}, path)
     if "speedkfx" in present:
         text, remedy = "these are the crossings of Foggy Bottom, which are not straight roads", "move the file away"
         raise bad_recording("format-unsupported", text, remedy, path, column=present["speedkfx"])
@@ -206,7 +215,11 @@ def _rows(path: Path, names: dict[str, str], run: int | None, policy: DataConfig
     if not table.num_rows:
         raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
     rows = table.to_pandas(split_blocks=True, self_destruct=True).set_axis(index, axis=0)
-    return rows.rename(columns={source: canonical for canonical, source in names.items()})
+    rows = rows.rename(columns={source: canonical for canonical, source in names.items()})
+    for name, kind in _KINDS.items():
+        if unit := unit_stated(names[name], kind, path):
+            rows[name] = to_si(rows[name].to_numpy(), unit)
+    return rows
 
 
 def _without_run(table: pa.Table, column: str, path: Path, policy: DataConfig) -> np.ndarray:

@@ -106,7 +106,22 @@ def straightened(
         off_road[here] = np.isin(number[here], order.apart)
         no_lane[here] = ~np.isfinite(lane[here]) & ~off_road[here]
     columns |= {"lateral": lateral, "lane": lane}
+    placeholder = _within_lanes(track, number, lane, off_road)
+    off_road, no_lane = off_road & ~placeholder, no_lane | placeholder
     return Straightened(pd.DataFrame(columns), lanes, length, off_road, no_lane, wrong)
+
+
+def _within_lanes(track: np.ndarray, number: np.ndarray, lane: np.ndarray, off_road: np.ndarray) -> np.ndarray:
+    """Mask of the rows off the road whose number mostly stands between rows of one lane, as no ramp does."""
+    begins = ~follows_row_before(track)
+    begins[1:] |= number[1:] != number[:-1]
+    first, last = first_and_last_rows(np.cumsum(begins))
+    before, after = np.maximum(first - 1, 0), np.minimum(last + 1, len(track) - 1)
+    is_within = (track[before] == track[first]) & (track[after] == track[first]) & (lane[before] == lane[after])
+    apart = off_road[first]
+    numbers, which = np.unique(number[first][apart], return_inverse=True)
+    n_within, n_pieces = np.bincount(which, is_within[apart], len(numbers)), np.bincount(which, minlength=len(numbers))
+    return off_road & np.isin(number, numbers[n_within > 0.5 * n_pieces])
 
 
 def leave_out(table: pd.DataFrame, off_road: pd.Series, losses: Losses) -> pd.DataFrame:

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rearl_jax.data.survey.names import ALIASES, rank_of
 from rearl_jax.data.survey.sample import FoundColumn
+from rearl_jax.data.tables.usual_names import ALIASES, rank_of
 
 _MIN_RISING_SHARE = 0.98  # of the steps along tracks must be positive for a column to be a clock
 _MIN_USUAL_SHARE = 0.8  # of the steps must be near the median step

@@ -12,9 +12,9 @@ import numpy as np
 from rearl_jax.data.checks.clock import NTSC_RATES, PLAUSIBLE_RATES, STANDARD_RATES
 from rearl_jax.data.checks.unit_checks import MIN_CORRELATION
 from rearl_jax.data.survey.clock import Clock, named
-from rearl_jax.data.survey.names import is_in_pixels, rank_of, unit_in
 from rearl_jax.data.survey.sample import FoundColumn
 from rearl_jax.data.survey.sizes import Sizes
+from rearl_jax.data.tables.usual_names import is_in_pixels, rank_of, unit_in
 from rearl_jax.data.units import SI_FACTOR
 
 UNITS_TOGETHER = (

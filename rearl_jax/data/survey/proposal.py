@@ -9,11 +9,11 @@ from rearl_jax.data.checks.typed_table import MAX_LANES
 from rearl_jax.data.schema import COLUMNS
 from rearl_jax.data.survey.clock import Clock, clock_of, named
 from rearl_jax.data.survey.motion import Motion, motion_of, with_size_units
-from rearl_jax.data.survey.names import end_in, is_in_pixels, is_on_globe, per_vehicle, unit_in
 from rearl_jax.data.survey.ring import ring_of
 from rearl_jax.data.survey.sample import FoundColumn, Sample
 from rearl_jax.data.survey.sizes import Sizes, sizes_of
 from rearl_jax.data.tables.track_names import NO_LEADER
+from rearl_jax.data.tables.usual_names import end_in, is_in_pixels, is_on_globe, per_vehicle, unit_in
 from rearl_jax.data.units import SI_FACTOR
 from rearl_jax.data.vehicle_classes import CLASSES, class_of, code_of
 

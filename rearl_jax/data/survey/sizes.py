@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rearl_jax.data.survey.clock import named
-from rearl_jax.data.survey.names import unit_in
 from rearl_jax.data.survey.sample import FoundColumn
+from rearl_jax.data.tables.usual_names import unit_in
 from rearl_jax.data.units import SI_FACTOR
 
 RANGES = {

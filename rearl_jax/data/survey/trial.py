@@ -6,6 +6,7 @@ from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.checks.column_checks import ALONE
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.survey.proposal import Proposal
+from rearl_jax.data.tables.spelling import UNREAD
 from rearl_jax.problems import ProblemError
 
 _OPTIONAL = ("lateral", "lane", "acceleration", "width", "leader_id", "vehicle_class", "length", "direction")
@@ -83,7 +84,9 @@ def _read(data: DataConfig) -> Trial:
             info, table = recording.info, recording.table
             counts = {"rows": len(table), "vehicles": len(table["track_id"].unique()), "frame_rate": info.frame_rate}
             trial.recordings.append({"id": info.id, **counts})
-            trial.notes.extend(note for note in info.notes if note not in trial.notes)
+            # The survey itself says why it leaves out a column.
+            notes = (note for note in info.notes if not note.startswith(UNREAD))
+            trial.notes.extend(note for note in notes if note not in trial.notes)
             for cause, number in recording.dropped.items():
                 trial.dropped[cause] = trial.dropped.get(cause, 0) + number
     except ProblemError as error:

@@ -22,13 +22,13 @@ from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.checks.recording_names import require_own_rows, without_blanks
 from rearl_jax.data.files.columnar import column_names, is_parquet, is_text, read_columns, stored_text
 from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
-from rearl_jax.data.files.folder import named_files, recordings_missing, tables_of_study
+from rearl_jax.data.files.folder import named_files, recordings_missing, tables_of_study, tell_of_unfinished
 from rearl_jax.data.files.text_layout import layout_of
 from rearl_jax.data.problems import BadRecordingError, bad_recording, recording_unnamed, source_row
 from rearl_jax.data.schema import COLUMNS, Recording, RecordingInfo, validate
 from rearl_jax.data.tables.completion import completed
 from rearl_jax.data.tables.row_info import info_of_rows
-from rearl_jax.data.tables.spelling import ENDS, Spelling, require_needed_columns, spelling_of
+from rearl_jax.data.tables.spelling import ENDS, Spelling, on_unread, require_needed_columns, spelling_of
 from rearl_jax.data.tables.track_names import IDS, MAX_EXACT_ID
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import replacing
@@ -54,6 +54,7 @@ def find_tables(root: Path) -> list[Path]:
     )
     if (tables := tables_of_study(root)) is not None:
         raise recordings_missing(f"the results of a task, with the recordings in {tables}", root, wanted)
+    tell_of_unfinished(root)
     return named_files(root, _ENDINGS, wanted, ".parquet or .csv")
 
 
@@ -121,7 +122,8 @@ class TableFile:
             self._require_known(stated)
             source = str(self.path), self.path.name
             rows, info = info_of_rows(recording, rows, *source, is_in_seconds=spelling.has_clock)
-        info = replace(info, notes=tuple(dict.fromkeys([*info.notes, *done.notes, *self._remarks])))
+        unread = on_unread(spelling, self._policy, [name for name in further if name not in texts])
+        info = replace(info, notes=tuple(dict.fromkeys([*info.notes, *done.notes, *self._remarks, *unread])))
         info = replace(info, columns=spelling.foreign)
         info = with_labels(info, (*labels, *done.labels), [*further, *done.labels])
         return Recording(info, *validate(rows, info, self._policy, losses))

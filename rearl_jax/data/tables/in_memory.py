@@ -18,7 +18,7 @@ from rearl_jax.data.records import Recording
 from rearl_jax.data.schema import COLUMNS, validate
 from rearl_jax.data.tables.completion import completed
 from rearl_jax.data.tables.row_info import info_of_rows
-from rearl_jax.data.tables.spelling import require_needed_columns, spelling_of
+from rearl_jax.data.tables.spelling import on_unread, require_needed_columns, spelling_of
 
 NAME = "table"
 """Id of the recording in a table without the column `recording`; in messages also the name of the source."""
@@ -96,7 +96,8 @@ class _Rows:
         further = [str(column) for column in rows.columns if column not in canonical]
         done = completed(rows, spelling, data, NAME)
         rows, info = info_of_rows(name, done.rows, NAME, "a table in memory", is_in_seconds=spelling.has_clock)
-        info = replace(info, notes=(*info.notes, *done.notes), columns=spelling.foreign)
+        unread = on_unread(spelling, data, [name for name in further if name not in labels])
+        info = replace(info, notes=(*info.notes, *done.notes, *unread), columns=spelling.foreign)
         info = with_labels(info, (*labels, *done.labels), [*further, *done.labels])
         return Recording(info, *validate(rows, info, data))
 

@@ -19,6 +19,12 @@ ENTRY_MARGIN = 20.0
 """Largest distance [m] of a vehicle before the upstream edge; such a vehicle has not yet entered the view."""
 PROJECTED_COORDINATE = 1e5
 """Ground coordinate [m] above which coordinates are those of a map projection such as UTM."""
+MOTION_ERROR = 0.01
+"""Relative error [-] of a frame rate that follows from the motion of vehicles; usual rates are 4 % apart or more."""
+SPEED_BIAS = 0.025
+"""Relative difference [-] between motion and times that errors of speeds explain."""
+MIN_MOVED = 20.0
+"""Distance [m] that a vehicle must have moved to tell the frame rate."""
 _COLUMNS = ("track_id", "frame", "time", "direction", "x", "y", "position", "length", "lane", "speed")
 
 
@@ -43,11 +49,13 @@ def info_of_rows(
         raise bad_recording("frame-rate-unknown", text, remedy, file, column="time")
     values = {name: numbers_of(pd.Series(rows[name])) for name in _COLUMNS if name in rows}
     notes = [DERIVED]
-    rate, unit = _frame_rate(values, file, is_in_seconds)
+    rate, unit, is_by_motion = _frame_rate(values, file, is_in_seconds)
     if unit != "s":
         values["time"] = to_si(values["time"], unit)
         rows = rows.assign(time=values["time"])
         notes.append(f"time taken to be in {unit}, which makes {rate:g} frames per second")
+    if is_by_motion:
+        notes.append(f"times are too coarse to tell the frame rate: {rate:g} 1/s by the motion of the vehicles")
     if clock.resolution(values["time"]) > 1.0 / rate:
         notes.append(f"times are rounded to {clock.resolution(values['time']):g} s: computed from the frames")
         rows = rows.drop(columns="time")
@@ -75,8 +83,8 @@ def info_of_rows(
     return rows, info
 
 
-def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -> tuple[float, str]:
-    """Frames per second, and the unit of the times."""
+def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -> tuple[float, str, bool]:
+    """Frames per second, the unit of the times, and whether the rate follows from the motion of the vehicles."""
     found = clock.period_of(values["track_id"], values["frame"], values["time"])
     if found is None:
         text = "the frame rate cannot be determined: no track has two rows with rising frame and time"
@@ -101,8 +109,14 @@ def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -
             hint = f"'data.units={{time: {rate * period:g}/s}}'"
         remedy = f"state its unit, such as {hint}, or 'data.units={{time: s}}'"
         raise bad_recording("time-unit-unknown", text, remedy, file, column="time")
-    seconds = SI_FACTOR[unit]
-    return clock.rate_of(period * seconds, uncertainty * seconds), unit
+    period, uncertainty = period * SI_FACTOR[unit], uncertainty * SI_FACTOR[unit]
+    rate = clock.rate_of(period, uncertainty)
+    moved = _period_by_motion(values) if uncertainty > MOTION_ERROR * period else None
+    if moved is None or abs(moved * rate - 1.0) <= SPEED_BIAS:
+        return rate, unit, False
+    other = min(clock.STANDARD_RATES, key=lambda usual: abs(1.0 / usual - moved))
+    is_possible = abs(1.0 / other - period) <= uncertainty and abs(moved * other - 1.0) <= MOTION_ERROR
+    return (other, unit, True) if is_possible else (rate, unit, False)
 
 
 def _largest_step_back(values: dict[str, np.ndarray]) -> float:
@@ -121,6 +135,18 @@ def _steps_over_speed(values: dict[str, np.ndarray], period: float) -> float | N
         expected = 0.5 * (speed[1:] + speed[:-1]) * np.diff(frame) * period
         used = (np.diff(track) == 0) & (np.diff(frame) > 0) & (speed[1:] > MIN_SPEED) & (step > 0.0) & (expected > 0.0)
     return float(np.median(step[used] / expected[used])) if used.any() else None
+
+
+def _period_by_motion(values: dict[str, np.ndarray]) -> float | None:
+    """Time between two frames [s] in which vehicles move as far as they do; None if none moves far enough."""
+    order = np.lexsort((values["frame"], values["track_id"]))
+    track, frame, position, speed = (values[name][order] for name in ("track_id", "frame", "position", "speed"))
+    step, driven = np.diff(position), 0.5 * (speed[1:] + speed[:-1]) * np.diff(frame)
+    used = (np.diff(track) == 0) & np.isfinite(step) & np.isfinite(driven)
+    vehicle = np.unique(track[1:][used], return_inverse=True)[1]
+    moved, driven = np.abs(np.bincount(vehicle, step[used])), np.bincount(vehicle, driven[used])
+    far = (moved >= MIN_MOVED) & (driven > 0.0)
+    return float(np.median(moved[far] / driven[far])) if far.any() else None
 
 
 def _from_upstream_edge(

@@ -11,6 +11,7 @@ import pandas as pd
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.problems import BadRecordingError
 from rearl_jax.data.schema import COLUMNS
+from rearl_jax.data.tables.usual_names import rank_of
 from rearl_jax.data.units import UNITS, factor_of
 from rearl_jax.data.vehicle_classes import CLASSES, NO_CLASS, class_of, code_of
 from rearl_jax.problems import InvalidInputError, Problem
@@ -24,6 +25,10 @@ KINDS = (
 )
 """SI unit of the columns that may be in another unit; for frames, the unit of their rate."""
 _LANES = re.compile(r"(-?)\s*from\s+(\d{1,3})")
+UNREAD = "columns that are not read, but may be meant"
+"""Beginning of the note on columns with a usual name of a column that is missing."""
+_OPTIONAL = ("lane", "lateral", "leader_id", "acceleration", "length", "width", "vehicle_class", "direction")
+"""Columns that a table may lack without an error."""
 _NAMES = tuple(column.name for column in COLUMNS)
 
 
@@ -134,6 +139,20 @@ def _classes(given: Mapping[Any, object]) -> dict[str, str]:
             message = f"must be one of {', '.join(CLASSES)}"
             raise InvalidInputError(Problem("class-unknown", message, key=f"data.classes.{code}", value=word))
     return classes
+
+
+def on_unread(spelling: Spelling, data: DataConfig, others: Sequence[str]) -> tuple[str, ...]:
+    """Note on columns that are not read although they have a usual name of a column that is missing.
+
+    Args:
+        spelling: Spelling of the table.
+        data: `columns`; one that it names, also as null, is not missing.
+        others: Names of the columns that are not read.
+    """
+    missing = [name for name in _OPTIONAL if name not in spelling.columns and name not in data.columns]
+    found = {name: next((other for other in others if rank_of(other, name) is not None), None) for name in missing}
+    pairs = ", ".join(f"{name}: {other}" for name, other in found.items() if other is not None)
+    return (f"{UNREAD}: data.columns={{{pairs}}}",) if pairs else ()
 
 
 def require_needed_columns(present: Sequence[str], file: str) -> None:

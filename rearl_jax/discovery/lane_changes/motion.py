@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
+from rearl_jax.data.vehicle_rows import follows_row_before, lane_steps
 from rearl_jax.discovery.read.sideways_motion import sideways_starts
 from rearl_jax.discovery.read.smoothing import cut_off, position_noise, smoothed_tracks, track_bounds
 
@@ -28,10 +29,10 @@ def with_motion(table: pd.DataFrame, dt: float) -> pd.DataFrame:
     position, bounds = table["position"].to_numpy(), track_bounds(table)
     x, v, a = smoothed_tracks(position, *bounds, dt, cut_off(position_noise(position, *bounds), dt))
     lane = _chosen_lanes(table, bounds, dt)
-    step = np.r_[0.0, np.diff(lane)]
     row, n = np.arange(len(table)), len(table)
     begin, end = (np.repeat(bound, bounds[1] - bounds[0]) for bound in bounds)
-    changed = (row != begin) & np.isfinite(step) & (step != 0)
+    step = lane_steps(lane, row != begin)
+    changed = step != 0.0
     last = np.maximum.accumulate(np.where(changed, row, -1))
     since = np.where(last >= begin, (row - last) * dt, np.inf)
     # The row of the next change: of all later rows the first whose lane differs from that of the row before it.
@@ -63,4 +64,4 @@ def count_changes(table: pd.DataFrame) -> int:
     known = table["lane"].notna().to_numpy()
     track = table["track_id"].to_numpy()[known]
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)[known]
-    return int(((track[1:] == track[:-1]) & (lane[1:] != lane[:-1])).sum())
+    return int(np.count_nonzero(lane_steps(lane, follows_row_before(track))))

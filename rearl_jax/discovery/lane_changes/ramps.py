@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rearl_jax.data.records import Recording
+from rearl_jax.data.vehicle_rows import follows_row_before, lane_steps
 
 WHOLE_LANE = 0.8
 """Share of the road that a through lane must cover [-]; other lanes are ramp lanes."""
@@ -55,7 +56,7 @@ def count_ramp_changes(recordings: Sequence[Recording]) -> int:
         lane, direction = table["lane"].to_numpy(np.int64), table["direction"].to_numpy(np.int64)
         on_ramp = ~_on_through_lane(direction, lane, whole_lanes(direction, lane, table["position"].to_numpy()))
         track = table["track_id"].to_numpy()
-        changed = (track[1:] == track[:-1]) & (lane[1:] != lane[:-1])
+        changed = lane_steps(lane, follows_row_before(track))[1:] != 0.0
         n_changes += int((changed & (on_ramp[1:] | on_ramp[:-1])).sum())
     return n_changes
 

@@ -4,6 +4,8 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Int
 
+from rearl_jax.data.vehicle_rows import lane_steps
+
 LONGEST_LEAD = 5.0
 """Longest time from the beginning of a lane change to the change of the lane column, and longest time before it from
 which a driver may respond to the next leader [s]; lane changes take 3 to 6 s.
@@ -45,8 +47,8 @@ def sideways_starts(
     lateral = table["lateral"].to_numpy()
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     begin, end = (np.repeat(bound, bounds[1] - bounds[0]) for bound in bounds)
-    step = np.r_[0.0, np.diff(lane)]
-    changes = np.flatnonzero((np.arange(len(lane)) != begin) & np.isfinite(step) & (step != 0))
+    step = lane_steps(lane, np.arange(len(lane)) != begin)
+    changes = np.flatnonzero(step)
     earliest = np.maximum(begin[changes], np.r_[0, changes[:-1]] if len(changes) else changes)
     known = lateral[np.isfinite(lateral)]
     if not known.size or known.max() == known.min():

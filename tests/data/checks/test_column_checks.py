@@ -181,6 +181,14 @@ def test_one_acceleration_beyond_all_others_is_a_placeholder(braking, value):
         validate(_scaled(braking, braking["track_id"] > 0, acceleration=16.0), INFO, STOP)
 
 
+def test_in_a_small_table_a_few_equal_accelerations_are_placeholders_too(braking):
+    unknown = (braking["track_id"] == 4) & (braking["frame"] < 7)
+    rows = braking.assign(acceleration=braking["acceleration"].mask(unknown, 16.1))
+    with refused("out-of-range", column="acceleration", row=301):
+        validate(rows, INFO, STOP)
+    assert validate(rows, INFO, DROP_ROW)[1]["out_of_range"] == unknown.sum()
+
+
 def test_what_a_cut_track_reveals_is_found_before_the_result_is_handed_on(braking):
     """Behind a jump the vehicle moves against its speed, but its whole track moves as its speed says."""
     time = braking["frame"] / 25.0

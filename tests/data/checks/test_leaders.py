@@ -120,3 +120,10 @@ def test_rows_are_found_for_ids_whose_products_would_overflow(vehicle_rows):
     np.testing.assert_array_equal(leaders, next_in_lane(table))
     assert VehicleRows(table).rows(7, np.arange(3)).tolist() == [ABSENT] * 3
     assert VehicleRows(table.iloc[:0]).rows(7, np.arange(3)).tolist() == [ABSENT] * 3
+
+
+def test_without_lanes_lateral_positions_tell_who_drives_beside(vehicle_rows):
+    rows = vehicle_rows.drop(columns="lane")
+    validate(_stating(rows, v3=1), INFO, STOP)
+    with refused("wrong-leader", row=201):
+        validate(_stating(rows, v3=2), INFO, STOP)

@@ -107,3 +107,28 @@ def test_speeds_that_fall_in_one_frame_are_counted(vehicle_rows, value):
     rows = vehicle_rows.drop(columns="acceleration")
     (note,) = _notes(rows.assign(speed=rows["speed"].mask(unknown, value)))
     assert note.startswith(f"speeds fall to {value:g} m/s 2 times in one frame, from up to 22.0 m/s")
+
+
+def test_a_vehicle_that_drives_long_after_all_others_is_noted(vehicle_rows):
+    late = vehicle_rows["frame"] + 12_000 * (vehicle_rows["track_id"] == 2)
+    (note,) = _notes(vehicle_rows.assign(frame=late))
+    assert note.startswith("no vehicle is recorded for 1190 s, between 2 vehicles and 1 others")
+
+
+def test_cars_that_are_too_short_are_noted(vehicle_rows):
+    twin = vehicle_rows[vehicle_rows["track_id"] == 2].assign(track_id=4, position=vehicle_rows["position"] + 60.0)
+    rows = pd.concat([vehicle_rows, twin.assign(x=twin["position"])], ignore_index=True)
+    (note,) = _notes(rows.assign(length=rows["length"].mask(rows["track_id"] == 2, 1.4)))
+    assert note.startswith("1 of 3 cars are shorter")
+
+
+@pytest.mark.parametrize("name", ["Leader_ID", "leader", "leader_id [-]", "Preceding"])
+def test_a_column_that_is_not_read_for_its_name_is_noted(timed_rows, name):
+    (note,) = _notes(timed_rows.rename(columns={"leader_id": name}))
+    assert f"leader_id: {name}" in note
+
+
+@pytest.mark.parametrize("factor", [0.96, 1.0, 1.04])
+def test_a_frame_rate_that_is_slightly_wrong_is_noted(vehicle_rows, factor):
+    notes = _notes(vehicle_rows.assign(speed=factor * vehicle_rows["speed"]))
+    assert [f"{1.0 / factor:.3f} times" in note for note in notes] == ([] if factor == 1.0 else [True])

@@ -117,6 +117,15 @@ def test_files_that_are_left_out_below_the_folder_are_told_of(table, caplog):
     assert len(told) == 1
 
 
+def test_tables_of_a_task_that_did_not_finish_are_told_of(table, caplog):
+    tables = table.parent / "study" / "tables"
+    tables.mkdir(parents=True)
+    shutil.copy(table, tables / "b.csv")
+    (tables.parent / "config.json").write_text("{}")
+    assert _names(tables) == ["b"]
+    assert [str(tables) in record.getMessage() for record in caplog.records] == [True]
+
+
 def test_a_name_that_is_not_text_is_to_be_changed(table):
     strange = Path(os.fsdecode(bytes(table.parent) + b"/stra\xdfe.csv"))
     try:

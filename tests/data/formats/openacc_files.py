@@ -9,9 +9,15 @@ T = np.arange(300) / 10.0
 LENGTH = 4.8  # of a car, between whose receivers and bumpers gaps differ
 
 
-def columns(n: int = 4, drivers: Mapping[int, Sequence[str]] | None = None) -> dict[str, Sequence]:
-    """n vehicles that swing around 14 m/s; the gap to the next opens and closes as their speeds say."""
-    speeds = [14.0 + np.sin(0.4 * T - 0.3 * k) for k in range(n)]
+def columns(n: int = 4, drivers: Mapping[int, Sequence[str]] | None = None, faster: float = 0.0) -> dict[str, Sequence]:
+    """n vehicles that swing around 14 m/s; the gap to the next opens and closes as their speeds say.
+
+    Args:
+        n: Number of vehicles.
+        drivers: Words for the driver, by number of the vehicle.
+        faster: How much faster each swings than the vehicle ahead [rad/s].
+    """
+    speeds = [14.0 + np.sin((0.4 + faster * k) * T - 0.3 * k) for k in range(n)]
     moved = [np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) / 10.0)]) for v in speeds]
     found: dict[str, Sequence] = {"Time": 5370.0 + T}
     place = np.zeros_like(T)

@@ -210,3 +210,17 @@ def test_windows_must_be_positive(tmp_path):
     for name in ("window", "section"):
         with refused("out-of-range", InvalidInputError, key=name):
             replace(DataConfig(DataFormat.i24, str(tmp_path)), **{name: 0.0}).check()
+
+
+def test_lateral_positions_of_one_carriageway_in_another_unit_stop(read):
+    documents = [i24_document(vehicle) for vehicle in islice(traffic(10.0, n_lanes=4), 24)]
+    other = [{**d, "y_position": [0.3048 * y for y in d["y_position"]]} if d["direction"] < 0 else d for d in documents]
+    assert read(documents)
+    with refused("wrong-units", column="y_position"):
+        read(other)
+
+
+def test_another_file_in_the_folder_is_to_be_moved_away(found, read, tmp_path):
+    (tmp_path / "metadata.json").write_text('{"note": 1}')
+    with refused("not-a-table", file=str(tmp_path / "metadata.json")):
+        read(found)

@@ -209,7 +209,7 @@ def test_a_table_in_metres_and_an_unknown_class_are_found(tmp_path):
 
 def test_missing_columns_and_values_stop(tmp_path):
     _write(tmp_path, _published().drop(columns="v_Vel"))
-    with refused("column-missing", column="vvel"):
+    with refused("column-missing", column="v_Vel"):
         PublishedFile(find_published(tmp_path)[0], STOP).recordings()
     rows = _published().astype({"Vehicle_ID": "Int64"})
     rows.loc[9, "Vehicle_ID"] = None
@@ -302,6 +302,15 @@ def test_pairs_that_disagree_about_a_vehicle_stop_or_are_counted(tmp_path):
         _read_pairs(tmp_path, pairs)
     dropped = _read_pairs(tmp_path, pairs, DROP_ROW).dropped
     assert dropped["contradiction"] == 2
+
+
+def test_a_pair_in_a_run_of_its_own_stops(tmp_path):
+    pairs = pd.concat([_pairs().assign(follower=n, leader=100 + n) for n in range(1, 30)], ignore_index=True)
+    pairs.loc[pairs["follower"] == 7, "run"] = "0500pm-0515pm"
+    pairs.to_parquet(tmp_path / "pairs.parquet")
+    first = int(np.argmax(pairs["follower"] == 7)) + 1
+    with refused("recording-contradicts", column="run", row=first):
+        pairs_recordings(find_pairs(tmp_path))
 
 
 def test_runs_of_one_name_stop(tmp_path):

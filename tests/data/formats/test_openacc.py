@@ -124,6 +124,8 @@ def test_a_missing_vehicle_parts_the_platoon_and_a_lone_one_is_counted(tmp_path)
     first, second = _read(tmp_path, rows, DROP_ROW)
     assert [r.info.id for r in (first, second)] == ["openacc_run_1_1to2", "openacc_run_1_4to7"]
     assert [sorted(set(r.table["track_id"])) for r in (first, second)] == [[1, 2], [4, 5, 6, 7]]
+    for part in (first, second):
+        assert sum(note.startswith("vehicles that are not recorded: 3;") for note in part.info.notes) == 1
     rows = rows[rows["pos"] != 1]
     with refused("unlinked", column="pos", row=1):
         _read(tmp_path, rows)

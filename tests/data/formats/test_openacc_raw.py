@@ -225,3 +225,64 @@ def test_a_copy_with_another_delimiter_says_the_same(tmp_path, delimiter, mark):
     assert openacc_raw.is_run(tmp_path / "Vicolungo" / "part1.csv")
     (run,) = read(tmp_path)
     pd.testing.assert_frame_equal(run.table, expected.table)
+
+
+def _without(*numbers: int, n: int = 5) -> str:
+    """A run of n vehicles, some of which have no columns."""
+    table = openacc_files.columns(n)
+    gone = tuple(f"{name}{k}" for k in numbers for name in ("Speed", "E", "N", "Lon", "Lat", "IVS"))
+    return openacc_files.run_of({name: values for name, values in table.items() if name not in gone}, n=n)
+
+
+def test_a_vehicle_without_columns_is_named_and_nobody_follows_across_it(tmp_path):
+    openacc_files.write(tmp_path, _without(3))
+    front, back = read(tmp_path)
+    assert (front.table["track_id"].unique().tolist(), back.table["track_id"].unique().tolist()) == ([1, 2], [4, 5])
+    for part in (front, back):
+        assert sum("3 (BMW_I3)" in note for note in part.info.notes) == 1
+    openacc_files.write(tmp_path, _without(5))
+    (run,) = read(tmp_path)
+    assert sum("5 (MAZDA_3)" in note for note in run.info.notes) == 1
+
+
+def test_vehicles_without_a_gap_between_them_are_named(tmp_path):
+    table = {name: values for name, values in openacc_files.columns(4).items() if name != "IVS2"}
+    openacc_files.write(tmp_path, openacc_files.run_of(table))
+    for part in read(tmp_path):
+        assert sum("2 and 3" in note for note in part.info.notes) == 1
+    openacc_files.write(tmp_path, TEXT)
+    (run,) = read(tmp_path)
+    assert not any("paired" in note for note in run.info.notes)
+
+
+DISTINCT = openacc_files.columns(faster=0.3)
+"""Vehicles that do not swing alike."""
+
+
+def _exchanged(one: str, other: str) -> str:
+    return openacc_files.run_of({**DISTINCT, one: DISTINCT[other], other: DISTINCT[one]})
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        pytest.param(_exchanged("IVS1", "IVS2"), "wrong-leader", id="gaps"),
+        pytest.param(_exchanged("Speed2", "Speed3"), "wrong-units", id="speeds"),
+        pytest.param(
+            openacc_files.run_of({**DISTINCT, "IVS2": 3.28 * DISTINCT["IVS2"]}), "wrong-units", id="one in ft"
+        ),
+    ],
+)
+def test_columns_of_another_pair_are_refused(tmp_path, text, code):
+    openacc_files.write(tmp_path, text)
+    with refused(code, column="IVS"):
+        read(tmp_path, BadRows.drop_row)
+
+
+def test_a_speed_with_another_clock_is_noted(tmp_path):
+    openacc_files.write(tmp_path, openacc_files.run_of({**DISTINCT, "Speed1": np.roll(DISTINCT["Speed1"], 80)}))
+    (run,) = read(tmp_path)
+    assert ["vehicles 1 and 2" in note for note in run.info.notes if "clocks" in note] == [True]
+    openacc_files.write(tmp_path, openacc_files.run_of(DISTINCT))
+    (run,) = read(tmp_path)
+    assert not any("clocks" in note for note in run.info.notes)

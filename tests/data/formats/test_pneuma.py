@@ -187,6 +187,13 @@ def test_a_fault_is_named(lines, read, change, code, fields):
         read(change(lines))
 
 
+def test_whole_numbers_may_have_a_fraction_of_0(lines, read):
+    other = [line.replace(";", ".0;", 1) for line in lines]
+    pd.testing.assert_frame_equal(read(other).table, read(lines).table)
+    with refused("value-unreadable", row=1):
+        read([lines[0].replace(";", ".5;", 1), *lines[1:]])
+
+
 def test_a_cut_line_is_named_or_counted(lines, read):
     # Cut within the last number: what is left is a number, too.
     cut = [*lines[:-1], lines[-1].rstrip("; ")[:-3]]

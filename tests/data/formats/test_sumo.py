@@ -161,6 +161,18 @@ def test_a_damaged_row_does_not_move_the_others(tmp_path):
     pd.testing.assert_frame_equal(table, expected)
 
 
+def test_a_speed_that_stands_for_none_is_named_and_moves_no_other_vehicle(tmp_path):
+    expected = read(sumo_files.write(tmp_path, TEXT)).table
+    rows = [row | {"speed": -1073741824.0} if row["id"] == "flow.1" and row["time"] > 20.0 else row for row in ROWS]
+    sumo_files.write(tmp_path, sumo_files.xml_of(rows))
+    place = next(n for n, row in enumerate(rows) if row["speed"] < 0.0)
+    with refused("out-of-range", column="speed", row=place + 1):
+        read(tmp_path)
+    table = read(tmp_path, BadRows.drop_row).table
+    table, expected = (t[t["vehicle"] == "flow.2"].reset_index(drop=True) for t in (table, expected))
+    pd.testing.assert_series_equal(table["position"], expected["position"])
+
+
 @pytest.mark.parametrize(("attribute", "factor"), [("speed", 3.6), ("pos", 3.28), ("time", 1000.0), ("x", 1e-5)])
 def test_other_units_are_refused(tmp_path, attribute, factor):
     rows = [row | {attribute: row[attribute] * factor} for row in ROWS]

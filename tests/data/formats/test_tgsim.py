@@ -185,3 +185,46 @@ def test_automated_vehicles_are_also_known_by_a_number(rows, read):
     (recording,) = read(rows.assign(av=(rows["av"] == "yes").astype(int)))
     assert recording.table["automated"].tolist() == expected.table["automated"].tolist()
     assert set(recording.table["automated"]) == {"yes", "no"}
+
+
+def test_units_in_the_names_of_columns_are_converted_and_no_run_is_lost(rows, read):
+    (expected,) = read(rows)
+    scales = {"xloc-kf": (" [ft]", 1 / 0.3048), "yloc-kf": ("(m)", 1.0), "speed-kf": (" (km/h)", 3.6)}
+    scales |= {"length-smoothed": ("[cm]", 100.0), "time": (" [ms]", 1000.0), "run-index": (" [-]", 1)}
+    other = rows.assign(**{name: rows[name] * factor for name, (_, factor) in scales.items()})
+    (found,) = read(other.rename(columns={name: f"{name}{unit}" for name, (unit, _) in scales.items()}))
+    assert found.info.id == expected.info.id
+    pd.testing.assert_frame_equal(found.table, expected.table, rtol=1e-6)
+
+
+def test_an_unknown_unit_in_the_name_of_a_column_stops(rows, read):
+    with refused("unit-unknown", column="speed-kf (furlong/h)"):
+        read(rows.rename(columns={"speed-kf": "speed-kf (furlong/h)"}))
+
+
+def test_a_vehicle_in_a_run_of_its_own_stops(rows, read):
+    strange = (rows["id"] == 7).to_numpy()
+    with refused("recording-contradicts", column="run-index", row=int(np.argmax(strange)) + 1):
+        read(rows.assign(**{"run-index": rows["run-index"].mask(strange, 2)}))
+
+
+@pytest.mark.parametrize("number", [0, -999])
+def test_a_number_for_no_lane_is_no_ramp(rows, read, number):
+    unknown = np.arange(len(rows)) % 97 == 50
+    changed = rows.assign(**{"lane-kf": rows["lane-kf"].mask(unknown, number)})
+    with refused("lane-out-of-range", column="lane-kf", row=51):
+        read(changed)
+    (recording,) = read(changed, BadRows.drop_row)
+    assert recording.dropped["lane_out_of_range"] == unknown.sum()
+    assert "off_road" not in recording.dropped
+
+
+def test_places_that_stand_for_none_do_not_lengthen_the_road(rows, read):
+    (expected,) = read(rows)
+    unknown = np.arange(len(rows)) % 97 == 50
+    changed = rows.assign(**{name: rows[name].mask(unknown, 0.0) for name in ("xloc-kf", "yloc-kf")})
+    with refused("out-of-range", column="xloc-kf", row=51):
+        read(changed)
+    (recording,) = read(changed, BadRows.drop_row)
+    assert recording.dropped["out_of_range"] == unknown.sum()
+    assert recording.info.road_length == pytest.approx(expected.info.road_length, abs=1.0)

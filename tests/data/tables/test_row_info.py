@@ -153,3 +153,11 @@ def test_lanes_beyond_every_road_do_not_count(vehicle_rows):
     assert dict(info.lane_count) == {1: 2}
     _, info = info_of_rows("made", rows.assign(lane=rows["lane"] + 1), "made.csv", "made")
     assert any("no vehicle uses the lanes left of lane 1" in note for note in info.notes)
+
+
+@pytest.mark.parametrize("rate", [12.0, 12.5, 24.0, 25.0, 30.0])
+@pytest.mark.parametrize("start", [0.0, 0.37])
+def test_motion_tells_a_frame_rate_that_whole_seconds_leave_open(vehicle_rows, rate, start):
+    rows = vehicle_rows.groupby("track_id").head(round(4.0 * rate))
+    recording = _read(_at(rows, rate, 0, start))
+    assert recording.info.frame_rate == rate
