@@ -3,6 +3,9 @@
 The power of the acceleration in recorded drives falls at most to a quarter per octave; white noise in positions makes
 it rise sixteenfold. A much steeper fall indicates a smoothing kernel. If the power rises at lower frequencies, noise
 dominates there, and only the errors of positions are smooth, as trackers leave them.
+
+Errors that were smoothed with the drives dominate at frequencies where drives have hardly any power, and the kernel
+seems shorter there than it is; so its width is estimated together with the sizes of errors.
 """
 
 from collections.abc import Sequence
@@ -10,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.optimize import least_squares
 
 from rearl_jax.discovery.read.smoothing import Thinned, track_bounds
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -23,6 +27,16 @@ DRIVING, NOISE = 0.25, 16.0
 
 SPECTRUM_TIME = 10.0
 """Window of the spectrum [s]."""
+
+
+KERNELS = (0.1, 0.4, 0.8)
+"""Standard deviations of the kernel with which its estimation begins [s]."""
+
+USUAL_ERRORS, USUAL_ROUNDING = np.exp(-8.0), np.exp(-12.0)
+"""Usual power density of errors before and after smoothing, 0.05 m and 0.01 m at 10 Hz [m^2 s]."""
+
+USUAL_WEIGHT = 0.02
+"""Weight of usual values beside that of a frequency band [-]: they decide only what the spectrum does not show."""
 
 
 MEDIAN_OVER_MEAN = float(np.log(2.0))
@@ -73,11 +87,33 @@ def smoothness(tables: Sequence[Thinned]) -> Smoothness:
     k = int(np.argmin(ratio))
     difference = middle[k + 2] ** 2 - middle[k] ** 2  # of f^2 over the octave
     if max(ratio[:k], default=0.0) < THRESHOLDS.rising_power_ratio:
-        return Smoothness(drives=float(np.sqrt(np.log(DRIVING / ratio[k]) / difference)))
+        without_errors = float(np.sqrt(np.log(DRIVING / ratio[k]) / difference))
+        # The larger one, because a kernel that is assumed too short gives false evidence.
+        return Smoothness(drives=max(without_errors, _kernel_of_drives_and_errors(np.array(middle), np.array(level))))
     kernel = float(np.sqrt(np.log(NOISE / ratio[k]) / difference))
     top = int(np.argmax(level))
     density = level[top] / middle[top] ** 4 * np.exp((middle[top] * kernel) ** 2) / MEDIAN_OVER_MEAN
     return Smoothness(errors=kernel, size=float(np.sqrt(density / dt)))
+
+
+def _kernel_of_drives_and_errors(frequency: Float[np.ndarray, " bands"], power: Float[np.ndarray, " bands"]) -> float:
+    """Standard deviation of the Gaussian kernel that smoothed drives and white errors of positions [s], by least
+    squares on the logarithm of the acceleration's power [m^2/s^3] in frequency bands [rad/s]. Errors made after
+    smoothing, such as rounding, are estimated too.
+    """
+    log_frequency, log_power = np.log(frequency), np.log(power)
+    usual = np.log([USUAL_ERRORS, USUAL_ROUNDING, 1.0])
+
+    def residuals(values: np.ndarray) -> np.ndarray:
+        drives, errors, rounding, log_kernel = values
+        smoothed = np.logaddexp(drives - 2 * log_frequency, errors + 4 * log_frequency)
+        smoothed = smoothed - (frequency * np.exp(log_kernel)) ** 2
+        departure = np.logaddexp(smoothed, rounding + 4 * log_frequency) - log_power
+        return np.concatenate([departure, USUAL_WEIGHT * (values[1:] - usual)])
+
+    drives, rounding = log_power[0] + 2 * log_frequency[0], log_power[-1] - 4 * log_frequency[-1]
+    found = [least_squares(residuals, [drives, usual[0], rounding, np.log(kernel)]) for kernel in KERNELS]
+    return float(np.exp(min(found, key=lambda fit: fit.cost).x[-1]))
 
 
 def _acceleration_power(

@@ -34,6 +34,19 @@ def test_smoothed_tracks_are_noticed(tables_of):
     assert smoothed_positions(smooth.drives).value == smooth.drives
 
 
+@pytest.mark.parametrize(("kernel", "errors"), [(0.4, 0.05), (0.65, 0.05), (0.65, 0.3)])
+def test_errors_that_were_smoothed_too_do_not_hide_the_width_of_the_kernel(tables_of, kernel, errors):
+    rng, smoothed = np.random.default_rng(0), []
+    for table, dt in tables_of():
+
+        def released(position, dt=dt):
+            measured = position + errors * rng.standard_normal(len(position))
+            return gaussian_filter1d(measured, kernel / dt, mode="nearest").round(3)
+
+        smoothed.append((table.assign(position=table.groupby("track_id")["position"].transform(released)), dt))
+    assert smoothness(smoothed).drives == pytest.approx(kernel, rel=0.15)
+
+
 def test_smooth_errors_are_not_taken_for_smoothed_drives(tables_of):
     smooth = smoothness(tables_of(noise_time=0.3))
     assert smooth.drives == 0.0
