@@ -55,8 +55,8 @@ def choice_of(
 
     - If they reject the first model, a model that is not significantly less likely replaces it too, unless its error is
       larger than that of the first model under one of the protocols that predict.
-    - A model whose error is probably larger than that of the first one must be more likely beyond doubt, because few
-      drivers rarely show for sure that an error is larger.
+    - A model that they contradict as a replacement of the first one, see `Choice.denies`, must be more likely beyond
+      doubt, because few drivers rarely show for sure that an error is larger.
     - Models that simulations reject are chosen only if they reject all of these.
 
     Args:
@@ -82,7 +82,7 @@ def choice_of(
     def is_more_likely(index: int) -> bool:
         is_significant = better[index] >= THRESHOLDS.base_confidence and gains[index].sum() > THRESHOLDS.least_base_gain
         is_beyond_doubt = drawn[index].mean() > THRESHOLDS.doubtless_base_gain * drawn[index].std()
-        return bool(is_significant and (is_beyond_doubt or 0 not in worse_than[index]))
+        return bool(is_significant and (is_beyond_doubt or not first.denies(index)))
 
     def is_as_likely(index: int) -> bool:
         return not is_beaten(gains[index], gains, seed) and _is_nowhere_worse(errors[index], errors[0])

@@ -118,6 +118,18 @@ def test_one_that_probably_predicts_worse_must_be_more_likely_beyond_doubt(mean,
     assert chosen([scattered(mean)]).chosen == 1
 
 
+@pytest.mark.parametrize(("first_half", "expected"), [(1.05, 1), (1.6, 0)])
+def test_one_that_is_worse_in_one_protocol_replaces_the_first_if_that_is_rejected_in_another(first_half, expected):
+    errors = [
+        {"population": 1.4 * ERROR, "first_half": ERROR},
+        {"population": ERROR, "first_half": first_half * ERROR},
+    ]
+    found = chosen([scattered(1.0)], errors)
+    assert 0 in found.vetoed
+    assert 0 in found.worse_than[1]
+    assert found.chosen == expected
+
+
 @pytest.mark.parametrize(
     ("factors", "denied"),
     [((1.0, 1.3, 1.0), {1}), ((1.3, 1.2, 1.0), set()), ((1.2, 1.3, 1.0), {1}), ((1.0, 1.0, 1.0), set())],
