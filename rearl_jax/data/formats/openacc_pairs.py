@@ -71,9 +71,9 @@ def checked_pairs(
     for place, (ahead, behind) in enumerate(pairs):
         _require_units(change[:, place], expected[:, place], f"the gap between vehicles {ahead} and {behind}", info)
         best = int(np.argmax(alike[place]))
-        # If the other pair's gap follows its speeds, too, it is the speed of this pair that is wrong.
-        is_exchanged = own[place] < alike[place, best] - _LEAST_LEAD and own[best] < _OF_OTHERS
-        if is_exchanged and alike[place, best] > _OF_OTHERS:
+        # Exchanged gaps follow each other's speeds; one gap alone may do so by chance, or because its receiver failed.
+        is_exchanged = np.argmax(alike[best]) == place != best and own[place] < alike[place, best] - _LEAST_LEAD
+        if is_exchanged and own[best] < _OF_OTHERS < alike[place, best]:
             others = " and ".join(map(str, pairs[best]))
             text = f"the gap between vehicles {ahead} and {behind} follows the speeds of vehicles {others}"
             remedy = "number speeds and gaps alike: gap k is that between the vehicles k and k + 1"
