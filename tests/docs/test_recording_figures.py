@@ -101,30 +101,35 @@ def test_known_time_gaps_of_cars(real, page):
     assert f"Of {summary['leader_cars']} people who drove behind" in page
 
 
-def test_nothing_is_added_that_predicts_worse_for_sure(real, page):
-    _, table = real
-    assert not table["verdict"].eq("named").any()
-    people = table.loc[("openacc_people", "people")]
-    assert people["verdict"] == "improved"
-    assert "The verdict is `improved`" in page
-    assert max(people[f"{name}_change_share_high"] for name in ("population", "first_half", "other_runs")) < 0
-    assert (table[[f"{name}_change_share_low" for name in ("population", "first_half")]] <= 0).all(axis=None)
-    for protocol in ("population", "first_half", "other_runs"):
-        unchanged = table.drop(index=[("i80", "all"), ("openacc_people", "people")])[f"{protocol}_change_share"]
-        assert (unchanged.dropna() == 0).all()
-    assert "Nothing is added to these models" in page
-    assert real[0]["n_worse"] == 0
+def test_nothing_is_added_that_predicts_worse(real, page):
+    summary, table = real
+    assert summary["n_worse"] == summary["n_named"] == summary["n_improved"] == 0
+    assert "No driver effect was named in a real recording" in text_of(ROOT / "README.md")
+    assert (table[[f"{name}_change_share" for name in ("population", "first_half", "other_runs")]].fillna(0) <= 0).all(
+        axis=None
+    )
+    changed = table.index[table["population_change_share"] != 0]
+    assert set(changed) == {("i80", "all"), ("openacc", "S")}
+    assert "No effect is added to these models" in page
+    assert table.loc[("openacc_people", "people"), "verdict"] == "nothing"
+    assert "The verdict is `nothing`" in page
 
 
-def test_the_place_that_people_slow_at(real):
-    readme, people = text_of(ROOT / "README.md"), real[1].loc[("openacc_people", "people")]
+def test_cars_under_adaptive_cruise_control(real, page):
+    readme, short, long = text_of(ROOT / "README.md"), *(real[1].loc[("openacc", group)] for group in "SL")
     said = []
-    for name in ("population", "other_runs"):
-        before, after = (f"{people[f'{name}_{state}']:.1f}" for state in ("before", "after"))
-        low, high = (f"{-100 * people[f'{name}_change_share_{end}']:.0f}" for end in ("high", "low"))
-        said.append(f"from {before} to {after} m (by {low} to {high} %)")
-    assert f"the gap error of {people['population_drivers']} other drives falls {said[0]}" in readme
-    assert f"that of the same people's other runs {said[1]}" in readme
+    for name in ("first_half", "other_runs"):
+        after, idm = (f"{short[f'{name}_{state}']:.2f}" for state in ("after", "idm"))
+        low, high = (f"{-100 * short[f'{name}_idm_share_{end}']:.0f}" for end in ("high", "low"))
+        said.append((f"{after} instead of {idm} m", f"by {low} to {high} %)"))
+    (halves, of_halves), (runs, of_runs) = said
+    assert f"the gap error of second halves of drives is {halves} with IDM (lower {of_halves}" in readme
+    assert f"that of the same cars' other runs {runs} ({of_runs}" in readme
+    assert (short["base"], long["base"]) == ("approach_gain_idm", "highway_env_idm")
+    assert short["other_runs_change_share_high"] < 0
+    share, high, low = (f"{-100 * long[f'population_idm_share{end}']:.0f}" for end in ("", "_low", "_high"))
+    assert f"by {share} % ({low} to {high} %) with parameters of the population" in page
+    assert min(long[f"{name}_idm_share_high"] for name in ("first_half", "other_runs")) >= 0
 
 
 def known(verdict):
