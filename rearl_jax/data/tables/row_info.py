@@ -119,17 +119,21 @@ def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -
     return (other, unit, True) if is_possible else (rate, unit, False)
 
 
+def _along_tracks(values: dict[str, np.ndarray], *names: str) -> list[np.ndarray]:
+    """The named columns, ordered by track and frame."""
+    order = np.lexsort((values["frame"], values["track_id"]))
+    return [values[name][order] for name in names]
+
+
 def _largest_step_back(values: dict[str, np.ndarray]) -> float:
     """Largest step back of a vehicle's time from one frame to the next."""
-    order = np.lexsort((values["frame"], values["track_id"]))
-    track, time = values["track_id"][order], values["time"][order]
+    track, time = _along_tracks(values, "track_id", "time")
     return -float(np.nanmin(np.where(np.diff(track) == 0, np.diff(time), 0.0), initial=0.0))
 
 
 def _steps_over_speed(values: dict[str, np.ndarray], period: float) -> float | None:
     """Median ratio of steps of position to speed x time; None if no vehicle moves."""
-    order = np.lexsort((values["frame"], values["track_id"]))
-    track, frame, position, speed = (values[name][order] for name in ("track_id", "frame", "position", "speed"))
+    track, frame, position, speed = _along_tracks(values, "track_id", "frame", "position", "speed")
     with np.errstate(invalid="ignore"):  # comparisons with NaN are false, so such rows are not used
         step = np.abs(np.diff(position))
         expected = 0.5 * (speed[1:] + speed[:-1]) * np.diff(frame) * period
@@ -139,8 +143,7 @@ def _steps_over_speed(values: dict[str, np.ndarray], period: float) -> float | N
 
 def _period_by_motion(values: dict[str, np.ndarray]) -> float | None:
     """Time between two frames [s] in which vehicles move as far as they do; None if none moves far enough."""
-    order = np.lexsort((values["frame"], values["track_id"]))
-    track, frame, position, speed = (values[name][order] for name in ("track_id", "frame", "position", "speed"))
+    track, frame, position, speed = _along_tracks(values, "track_id", "frame", "position", "speed")
     step, driven = np.diff(position), 0.5 * (speed[1:] + speed[:-1]) * np.diff(frame)
     used = (np.diff(track) == 0) & np.isfinite(step) & np.isfinite(driven)
     vehicle = np.unique(track[1:][used], return_inverse=True)[1]
