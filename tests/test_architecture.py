@@ -125,6 +125,19 @@ def test_module(file):
     assert not ("jaxtyping" in text and "from __future__ import annotations" in text)
 
 
+def test_every_annotated_shape_is_checked():
+    """Modules that annotate shapes are among those that the shape check is told of, and all of these are needed."""
+    options = PROJECT["tool"]["pytest"]["ini_options"]["addopts"]
+    (told,) = (option.partition("=")[2] for option in options if option.startswith("--jaxtyping-packages="))
+    *checked, _ = told.split(",")
+    annotating = [file for file in MODULES if "from jaxtyping import" in file.read_text(encoding="utf-8")]
+    modules = {".".join(file.relative_to(ROOT).with_suffix("").parts) + "." for file in annotating}
+    modules -= {"rearl_jax._typing."}  # names of shapes, no functions
+    reached = {name: {module for module in modules if module.startswith(f"{name}.")} for name in checked}
+    assert set().union(*reached.values()) == modules
+    assert all(reached.values()), [name for name, found in reached.items() if not found]
+
+
 def test_sizes():
     """The budgets of well-kept JAX projects: nine functions in ten within 50 lines, middling files short."""
     lengths = [item for file in MODULES for item in functions(file)]

@@ -55,7 +55,7 @@ def parts(start, n_scenarios, h=0.2, m=0.1):
     return *jax.tree.map(lambda leaf: leaf[..., :n_scenarios] if leaf.shape[-1] > 1 else leaf, start), keys, thresholds
 
 
-@pytest.fixture(scope="module", params=[7, *(pytest.param(n, marks=pytest.mark.slow) for n in (24, 1))])
+@pytest.fixture(scope="module", params=[7, pytest.param(1, marks=pytest.mark.slow)])
 def both(request, start, table, model, options):
     """Frames and decisions from inside and from outside, and the policies of the halves."""
     state, drivers, keys, thresholds = parts(start, request.param)

@@ -23,11 +23,8 @@ def fields_of(line: str, delimiter: str) -> list[str]:
         found = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
     except csv.Error:
         return line.split(delimiter)
-    return [_without_single_quotes(field.strip()) for field in found]
-
-
-def _without_single_quotes(field: str) -> str:
-    return field[1:-1] if _SINGLE_QUOTED.fullmatch(field) else field
+    fields = [field.strip() for field in found]
+    return [field[1:-1] if _SINGLE_QUOTED.fullmatch(field) else field for field in fields] if "'" in line else fields
 
 
 def quote_of(header: str, rows: Sequence[str], delimiter: str) -> str:

@@ -20,10 +20,12 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from rearl_jax.core.car_following.model import CarFollowing
+from rearl_jax.core.effects.effect import Effect
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.discovery.observe.candidates import effects_at
 from rearl_jax.discovery.observe.closed_loop import FARTHEST
+from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.kalman import Gain, State, correct, halfway, predict
 from rearl_jax.discovery.observe.residuals import Residuals, smoothed_acceleration
@@ -74,31 +76,56 @@ class AccelerationDerivatives:
     own: Float[np.ndarray, "own steps pieces"]
 
 
-def drivers_of(residuals: Residuals) -> CarFollowing:
-    """Car-following models of the drivers, repeated for every time step."""
-    data = residuals.state.data
-    return residuals.prior.drivers(jnp.asarray(residuals.state.z[data.driver].T), data.is_truck.astype(float)).full(
-        residuals.x.shape
-    )
+def wanted_acceleration(residuals: Residuals) -> Float[np.ndarray, "steps pieces"]:
+    """Acceleration of the drivers' car-following models at the states predicted by the observer [m/s^2]; without added
+    effects.
+    """
+    driver, dt = _driver_rows(residuals), residuals.state.data.dt
+    return np.asarray(_wanted(residuals.prior, driver, residuals.stimulus(), dt), float)
 
 
 def acceleration_derivatives(residuals: Residuals) -> AccelerationDerivatives:
     """Derivatives of the car-following model at the states predicted by the observer; added effects change them little
     and are ignored.
     """
-    data, stimuli, calibrated = residuals.state.data, residuals.stimulus(), drivers_of(residuals)
+    driver, dt = _driver_rows(residuals), residuals.state.data.dt
+    x, v, own = _wanted_derivatives(residuals.prior, driver, residuals.stimulus(), residuals.x, residuals.v, dt)
+    return AccelerationDerivatives(np.asarray(x, float), np.asarray(v, float), np.asarray(own, float))
+
+
+def _driver_rows(residuals: Residuals) -> tuple[np.ndarray, np.ndarray]:
+    """Standardised parameters of the drivers, `[own, pieces]`, and whether they drive trucks."""
+    data = residuals.state.data
+    return residuals.state.z[data.driver].T, data.is_truck.astype(float)
+
+
+# Compiled as a whole, because an operation that is compiled alone takes a tenth of a second, and there are a hundred.
+@partial(jax.jit, static_argnames=("prior", "dt"))
+def _wanted(prior: Prior, driver: tuple[Array, Array], stimuli: Stimulus, dt: float) -> Float[Array, "steps pieces"]:
+    """As `wanted_acceleration`, of drivers given by `_driver_rows`."""
+    none_before = jnp.zeros_like(stimuli.speed)  # without effects, the last acceleration is not used
+    return follow(stimuli, prior.drivers(*driver).full(stimuli.speed.shape), (), (), none_before, dt)[0]
+
+
+@partial(jax.jit, static_argnames=("prior", "dt"))
+def _wanted_derivatives(
+    prior: Prior,
+    driver: tuple[Array, Array],
+    stimuli: Stimulus,
+    x: Float[Array, "steps pieces"],
+    v: Float[Array, "steps pieces"],
+    dt: float,
+) -> tuple[Array, Array, Array]:
+    """As `acceleration_derivatives`, at the states x [m], v [m/s]."""
+    calibrated = prior.drivers(*driver).full(x.shape)
 
     def wanted(x: Array, v: Array, logs: Array) -> Array:
-        driver = residuals.prior.model(
-            *(value * jnp.exp(log) for value, log in zip(calibrated.rows(), logs, strict=True))
-        )
+        changed = prior.model(*(value * jnp.exp(log) for value, log in zip(calibrated.rows(), logs, strict=True)))
         moved = replace(stimuli, gap=stimuli.gap - (x - stimuli.position), speed=v)
-        return follow(moved, driver, (), (), jnp.zeros_like(v), data.dt)[0]
+        return follow(moved, changed, (), (), jnp.zeros_like(v), dt)[0]
 
-    point = (jnp.asarray(residuals.x), jnp.asarray(residuals.v), jnp.zeros((residuals.prior.size, *residuals.x.shape)))
-    _, pullback = jax.vjp(wanted, *point)
-    x, v, own = pullback(jnp.ones(residuals.x.shape, point[0].dtype))
-    return AccelerationDerivatives(np.asarray(x, float), np.asarray(v, float), np.asarray(own, float))
+    _, pullback = jax.vjp(wanted, x, v, jnp.zeros((prior.size, *x.shape), x.dtype))
+    return pullback(jnp.ones(x.shape, x.dtype))
 
 
 def innovation_change(
@@ -209,16 +236,23 @@ def model_acceleration(
     driver = layout.prior.drivers(jnp.asarray(state.z[data.driver].T), data.is_truck.astype(float))
     theta = jnp.repeat(jnp.asarray(state.theta)[:, None], len(data.driver), axis=1)
     effects = effects_at(layout.by_name(theta), jax.tree.map(jnp.asarray, layout.knots), state.active)
+    return np.asarray(_model_acceleration(driver, effects, stimuli, data.dt, of_effects), float)
+
+
+@partial(jax.jit, static_argnames=("dt", "of_effects"))
+def _model_acceleration(
+    driver: CarFollowing, effects: tuple[Effect, ...], stimuli: Stimulus, dt: float, of_effects: bool
+) -> Float[Array, "steps pieces"]:
+    """As `model_acceleration`, of given drivers and effects."""
 
     def step(carry: tuple, now: Stimulus) -> tuple[tuple, Array]:
         memory, last = carry
-        wanted, memory = follow(now, driver, effects, memory, last, data.dt)
-        without = follow(now, driver, (), (), last, data.dt)[0] if of_effects else 0.0
+        wanted, memory = follow(now, driver, effects, memory, last, dt)
+        without = follow(now, driver, (), (), last, dt)[0] if of_effects else 0.0
         return (memory, wanted), wanted - without
 
-    memory = begin_effects(effects, jax.tree.map(lambda values: values[0], stimuli), driver, data.dt)
-    first = memory, jnp.zeros(len(data.driver))
-    return np.asarray(jax.jit(lambda carry, rows: lax.scan(step, carry, rows)[1])(first, stimuli), float)
+    memory = begin_effects(effects, jax.tree.map(lambda values: values[0], stimuli), driver, dt)
+    return lax.scan(step, (memory, jnp.zeros_like(stimuli.speed[0])), stimuli)[1]
 
 
 def _scores(

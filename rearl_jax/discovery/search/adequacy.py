@@ -11,15 +11,13 @@ Econometrica 47 (1979) 1287.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.core.following import follow
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
-from rearl_jax.discovery.observe.forcing import acceleration_derivatives, drivers_of
+from rearl_jax.discovery.observe.forcing import acceleration_derivatives, wanted_acceleration
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import far_from_changes, relative_variance
 from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
@@ -242,9 +240,7 @@ def staleness(measured: ResidualsByPart, by_noise: Sequence[ResidualsByPart]) ->
 
     def by_old_decision(residuals: Residuals) -> np.ndarray:
         data = residuals.state.data
-        none_before = jnp.zeros(residuals.x.shape)  # without effects, the last acceleration is not used
-        wanted = np.asarray(follow(residuals.stimulus(), drivers_of(residuals), (), (), none_before, data.dt)[0], float)
-        wanted = wanted.clip(*PLAUSIBLE_ACCELERATIONS)
+        wanted = wanted_acceleration(residuals).clip(*PLAUSIBLE_ACCELERATIONS)
         n_back = max(1, round(CHANGE_TIME / data.dt))
         change = np.zeros_like(wanted)
         change[n_back:] = wanted[n_back:] - wanted[:-n_back]
