@@ -133,7 +133,7 @@ class ScenarioMap(Generic[Arguments, Result]):
         try:
             return self._run(chunk)
         except jax.errors.JaxRuntimeError as error:
-            if not (self._loops_as_kernels and NOT_POSSIBLE in str(error)):
+            if not (self._loops_as_kernels and any(part in str(error) for part in NOT_POSSIBLE)):
                 raise
         self._loops_as_kernels, self._run = False, self._compiled(False)
         return self._run(chunk)

@@ -22,8 +22,8 @@ ATTRIBUTES = {"xla_cpu_small_call": "true", "inlineable": "false"}
 LOOPS = "scan", "while"
 """Primitives of JAX that are loops."""
 
-NOT_POSSIBLE = "UNIMPLEMENTED"
-"""Code of the compiler's error about an operation that one kernel cannot contain, such as a scatter."""
+NOT_POSSIBLE = "UNIMPLEMENTED", "Failed to materialize symbols"
+"""Parts of the compiler's errors about an operation that one kernel cannot contain, such as a scatter or a sort."""
 
 
 def with_loops_as_kernels(traced: ClosedJaxpr) -> Callable[..., list[Any]]:

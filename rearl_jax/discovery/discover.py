@@ -28,7 +28,7 @@ from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.report.equilibrium import equilibrium_time_gaps
-from rearl_jax.discovery.report.error_block import IDM, error_block, predicts_better
+from rearl_jax.discovery.report.error_block import IDM, error_block, lowers_predicting_errors
 from rearl_jax.discovery.report.errors import ModelErrors, model_errors
 from rearl_jax.discovery.report.lane_choice_scores import LANE_CHANGE_TABLE, prediction_block, prediction_table
 from rearl_jax.discovery.report.population import population_block
@@ -162,7 +162,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     error = error_block(errors, resampling)
     time_gaps = equilibrium_time_gaps(solver, outcome.first.state, options)
     verdict_on_following = {
-        "verdict": verdict_of(outcome, effects, adequacy, predicts_better=predicts_better(error)),
+        "verdict": verdict_of(outcome, effects, adequacy, predicts_better=lowers_predicting_errors(error)),
         "effects": [effect.plain() for effect in effects],
         "candidates": candidate_rows(outcome),
         "lane_changes": lane_changes_block(outcome, of_effects, options.confidence),

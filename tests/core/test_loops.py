@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.core.batch import ScenarioMap
+from rearl_jax.core.batch import NO_OPTIONS, SOON_COMPILED, ScenarioMap
 from rearl_jax.core.loops import ATTRIBUTES, with_loops_as_kernels
 
 X = np.linspace(-1.0, 1.0, 3 * 7).reshape(3, 7)
@@ -41,9 +41,12 @@ def test_outermost_loops_are_marked_and_not_the_operations_in_them():
     assert not any("stablehlo.sine" in line for line in marked)
 
 
+@pytest.mark.parametrize("options", [NO_OPTIONS, SOON_COMPILED], ids=["fully optimised", "soon compiled"])
 @pytest.mark.parametrize("function", [steps, scattered])
-def test_results_are_the_same(function):
-    plain, kernels = (ScenarioMap(function, chunk=7, loops_as_kernels=which) for which in (False, True))
+def test_results_are_the_same(function, options):
+    plain, kernels = (
+        ScenarioMap(function, chunk=7, options=options, loops_as_kernels=which) for which in (False, True)
+    )
     expected, found = jax.tree.leaves(plain(X)), jax.tree.leaves(kernels(X))
     assert len(found) == len(expected) > 0
     for one, other in zip(found, expected, strict=True):

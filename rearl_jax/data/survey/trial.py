@@ -1,15 +1,15 @@
 """Trial of a proposal: reads the table, and leaves out refused columns one by one until the rest can be read."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.checks.column_checks import ALONE
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.survey.proposal import Proposal
-from rearl_jax.data.tables.spelling import UNREAD
+from rearl_jax.data.tables.spelling import OPTIONAL
 from rearl_jax.problems import ProblemError
 
-_OPTIONAL = ("lateral", "lane", "acceleration", "width", "leader_id", "vehicle_class", "length", "direction")
 _OF_COLUMNS = ("wrong-units", "wrong-origin")
 """Codes of faults of whole columns; other faults may concern a few rows only."""
 _IN_LENGTHS = ("length", "width", "lateral")
@@ -58,7 +58,9 @@ def tried(root: str, proposal: Proposal, present: list[str]) -> Trial:
     while True:
         keys = {"columns": proposal.columns(present), "units": proposal.units, "ring": proposal.ring}
         data = DataConfig(DataFormat.table, root, **keys)
-        strict = _read(data)
+        # The survey itself says why it leaves out a column, so the reader need not say that it may be meant.
+        without = dict.fromkeys(name for name in OPTIONAL if name not in proposal.taken)
+        strict = _read(data, without)
         if strict.error is None:
             return strict
         column = _optional_at_fault(strict.error, proposal)
@@ -67,7 +69,7 @@ def tried(root: str, proposal: Proposal, present: list[str]) -> Trial:
         if column is not None and strict.error.code in _OF_COLUMNS:
             proposal.leave_out(column, strict.error.problem.fault)
             continue
-        lenient = _read(replace(data, on_bad=BadRows.drop_row))
+        lenient = _read(replace(data, on_bad=BadRows.drop_row), without)
         most = _MAX_LOST_SHARE if column is None else _MAX_DROPPED_SHARE
         if lenient.error is None and lenient.share_dropped <= most:
             lenient.notes.append(f"data.on_bad=stop stops at: {strict.error.problem.message}")
@@ -77,16 +79,15 @@ def tried(root: str, proposal: Proposal, present: list[str]) -> Trial:
         proposal.leave_out(column, strict.error.problem.fault)
 
 
-def _read(data: DataConfig) -> Trial:
+def _read(data: DataConfig, without: Mapping[str, None]) -> Trial:
+    """The table as `data` reads it, without the canonical columns of `without`."""
     trial = Trial(data)
     try:
-        for recording in iterate_recordings(data):
+        for recording in iterate_recordings(replace(data, columns=data.columns | without)):
             info, table = recording.info, recording.table
             counts = {"rows": len(table), "vehicles": len(table["track_id"].unique()), "frame_rate": info.frame_rate}
             trial.recordings.append({"id": info.id, **counts})
-            # The survey itself says why it leaves out a column.
-            notes = (note for note in info.notes if not note.startswith(UNREAD))
-            trial.notes.extend(note for note in notes if note not in trial.notes)
+            trial.notes.extend(note for note in info.notes if note not in trial.notes)
             for cause, number in recording.dropped.items():
                 trial.dropped[cause] = trial.dropped.get(cause, 0) + number
     except ProblemError as error:
@@ -99,4 +100,4 @@ def _optional_at_fault(error: ProblemError, proposal: Proposal) -> str | None:
     names = {taken.source: name for name, taken in proposal.taken.items()}
     column = error.problem.column
     name = names.get(column or "", _CAUSED_BY.get(column or ""))
-    return name if name in _OPTIONAL and name in proposal.taken else None
+    return name if name in OPTIONAL and name in proposal.taken else None

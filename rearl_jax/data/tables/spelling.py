@@ -25,9 +25,7 @@ KINDS = (
 )
 """SI unit of the columns that may be in another unit; for frames, the unit of their rate."""
 _LANES = re.compile(r"(-?)\s*from\s+(\d{1,3})")
-UNREAD = "columns that are not read, but may be meant"
-"""Beginning of the note on columns with a usual name of a column that is missing."""
-_OPTIONAL = ("lane", "lateral", "leader_id", "acceleration", "length", "width", "vehicle_class", "direction")
+OPTIONAL = ("lane", "lateral", "leader_id", "acceleration", "length", "width", "vehicle_class", "direction")
 """Columns that a table may lack without an error."""
 _NAMES = tuple(column.name for column in COLUMNS)
 
@@ -149,10 +147,10 @@ def on_unread(spelling: Spelling, data: DataConfig, others: Sequence[str]) -> tu
         data: `columns`; one that it names, also as null, is not missing.
         others: Names of the columns that are not read.
     """
-    missing = [name for name in _OPTIONAL if name not in spelling.columns and name not in data.columns]
+    missing = [name for name in OPTIONAL if name not in spelling.columns and name not in data.columns]
     found = {name: next((other for other in others if rank_of(other, name) is not None), None) for name in missing}
     pairs = ", ".join(f"{name}: {other}" for name, other in found.items() if other is not None)
-    return (f"{UNREAD}: data.columns={{{pairs}}}",) if pairs else ()
+    return (f"columns that are not read, but may be meant: data.columns={{{pairs}}}",) if pairs else ()
 
 
 def require_needed_columns(present: Sequence[str], file: str) -> None:

@@ -80,7 +80,7 @@ def error_block(errors: Mapping[str, ModelErrors], resampling: Resampling) -> di
     }
 
 
-def predicts_better(error: Mapping[str, Any]) -> bool:
+def lowers_predicting_errors(error: Mapping[str, Any]) -> bool:
     """True if, by an entry `error`, the mean gap error of the report drivers is significantly lower after effects were
     added under a protocol that predicts, and larger under none.
     """

@@ -199,7 +199,7 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
         effects: Claimed effects.
         adequacy: Adequacy of the final model.
         predicts_better: Whether the report drivers are predicted better with the effects found, see
-            `error_block.predicts_better`.
+            `error_block.lowers_predicting_errors`.
     """
     added = {trial.candidate.kind for trial in search.added}
     names = {effect.name for effect in effects}

@@ -8,7 +8,7 @@ import pytest
 
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.response_time import Covariances, Responses
-from rearl_jax.discovery.report.error_block import STATISTICS, error_block, explained_share, predicts_better
+from rearl_jax.discovery.report.error_block import STATISTICS, error_block, explained_share, lowers_predicting_errors
 from rearl_jax.discovery.report.errors import MEASURES, ModelErrors, model_errors
 from rearl_jax.discovery.report.protocols import PROTOCOL_MEASURES, PROTOCOLS, ProtocolErrors
 from rearl_jax.discovery.report.tables import error_table, read_errors
@@ -68,7 +68,7 @@ def test_others_are_predicted_better_only_if_no_protocol_says_worse(population, 
         errors[name] = replace(made(1.0 if name == "before" else 0.1, 0.1), protocols=protocols)
     block = error_block(errors, Resampling(0.9, 500, 0))
     assert block["change"]["high"] < 0
-    assert predicts_better(block) is expected
+    assert lowers_predicting_errors(block) is expected
 
 
 @pytest.mark.parametrize("floor", [0.1, 0.6, 1.0, 1.4, 5.0])
