@@ -1,6 +1,5 @@
 """Trial of a proposal: reads the table, and leaves out refused columns one by one until the rest can be read."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
@@ -79,7 +78,7 @@ def tried(root: str, proposal: Proposal, present: list[str]) -> Trial:
         proposal.leave_out(column, strict.error.problem.fault)
 
 
-def _read(data: DataConfig, without: Mapping[str, None]) -> Trial:
+def _read(data: DataConfig, without: dict[str, None]) -> Trial:
     """The table as `data` reads it, without the canonical columns of `without`."""
     trial = Trial(data)
     try:
