@@ -80,7 +80,7 @@ def wanted_acceleration(residuals: Residuals) -> Float[np.ndarray, "steps pieces
     """Acceleration of the drivers' car-following models at the states predicted by the observer [m/s^2]; without added
     effects.
     """
-    driver, dt = _driver_rows(residuals), residuals.state.data.dt
+    driver, dt = _driver_rows(residuals.state), residuals.state.data.dt
     return np.asarray(_wanted(residuals.prior, driver, residuals.stimulus(), dt), float)
 
 
@@ -88,15 +88,14 @@ def acceleration_derivatives(residuals: Residuals) -> AccelerationDerivatives:
     """Derivatives of the car-following model at the states predicted by the observer; added effects change them little
     and are ignored.
     """
-    driver, dt = _driver_rows(residuals), residuals.state.data.dt
+    driver, dt = _driver_rows(residuals.state), residuals.state.data.dt
     x, v, own = _wanted_derivatives(residuals.prior, driver, residuals.stimulus(), residuals.x, residuals.v, dt)
     return AccelerationDerivatives(np.asarray(x, float), np.asarray(v, float), np.asarray(own, float))
 
 
-def _driver_rows(residuals: Residuals) -> tuple[np.ndarray, np.ndarray]:
+def _driver_rows(state: FitState) -> tuple[np.ndarray, np.ndarray]:
     """Standardised parameters of the drivers, `[own, pieces]`, and whether they drive trucks."""
-    data = residuals.state.data
-    return residuals.state.z[data.driver].T, data.is_truck.astype(float)
+    return state.z[state.data.driver].T, state.data.is_truck.astype(float)
 
 
 # Compiled as a whole, because an operation that is compiled alone takes a tenth of a second, and there are a hundred.
@@ -233,7 +232,7 @@ def model_acceleration(
     candidates [m/s^2].
     """
     data, layout = state.data, solver.layout
-    driver = layout.prior.drivers(jnp.asarray(state.z[data.driver].T), data.is_truck.astype(float))
+    driver = layout.prior.drivers(*_driver_rows(state))
     theta = jnp.repeat(jnp.asarray(state.theta)[:, None], len(data.driver), axis=1)
     effects = effects_at(layout.by_name(theta), jax.tree.map(jnp.asarray, layout.knots), state.active)
     return np.asarray(_model_acceleration(driver, effects, stimuli, data.dt, of_effects), float)
