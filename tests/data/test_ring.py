@@ -8,7 +8,7 @@ import pytest
 
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.problems import BadRecordingError
-from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.data.survey.task import run
 from tests.refusal import refused
 
@@ -86,6 +86,16 @@ def test_stated_leaders_are_those_of_the_order(tmp_path):
     rows.assign(leader_id=rows["track_id"] % N_VEHICLES + 1).to_csv(path, index=False)
     table = read(path, ring=LAP).table
     assert table["leader_id"].isna().all()
+
+
+def test_a_ring_and_a_road_with_two_ends_are_not_the_same_data(file):
+    ids = {data_id(DataConfig(DataFormat.table, str(file), ring=lap)) for lap in (None, LAP, LAP + 1.0)}
+    assert len(ids) == 3
+
+
+def test_a_ring_is_for_tables_only():
+    with refused("key-without-effect", key="data.ring"):
+        next(iterate_recordings(DataConfig(ring=LAP)))
 
 
 def test_the_circumference_is_found_and_said_in_the_command(file, capsys):

@@ -27,6 +27,7 @@ from rearl_jax.data.formats.backward_speeds import standing
 from rearl_jax.data.formats.i24_index import FEET, FIELDS, LANE, OPTIONAL, Cell, Index, Tracks, index_of
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.problems import out_of_range
 
 LICENCE = "on request from i24motion.org, no redistribution"
 ATTRIBUTION = (
@@ -78,11 +79,16 @@ def cells(path: Path, policy: DataConfig) -> dict[str, Cell]:
 
     Raises:
         BadRecordingError: The file holds no documents of I-24 MOTION, or one is broken and data.on_bad is stop.
+        InvalidInputError: data.window or data.section is so short that two recordings would have one name.
     """
     index = index_of(path, policy)
     if not index.cells:
         raise bad_recording("no-rows", "the file has no sound document", "remove the file or copy it again", path)
-    return {_name(cell, path, policy): cell for cell in sorted(index.cells)}
+    cell_of = {_name(cell, path, policy): cell for cell in sorted(index.cells)}
+    if len(cell_of) < len(index.cells):
+        message = "must be at least 17 m, and data.window at least 1 s, so that every recording has a name of its own"
+        raise out_of_range("data.section", message, policy.section)
+    return cell_of
 
 
 def read_cell(path: Path, recording: str, cell: Cell, policy: DataConfig) -> Recording:
