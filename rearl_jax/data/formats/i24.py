@@ -10,6 +10,7 @@ Transportation Research Part C 155 (2023) 104311; github.com/I24-MOTION/data_tut
 
 import re
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -54,15 +55,13 @@ _SPELLING = {
     "vehicle_class": "coarse_vehicle_class",
 }
 
-
-def find_files(root: Path) -> list[Path]:
-    """The .json files in the folder, or the one file that is named.
-
-    Raises:
-        FileNotFoundError: There is none.
-    """
-    wanted = "the folder with the trajectories of I-24 MOTION INCEPTION, as JSON"
-    return named_files(root, (".json", ".jsonl", ".ndjson"), wanted, ".json")
+find_files = partial(
+    named_files,
+    endings=(".json", ".jsonl", ".ndjson"),
+    wanted="the folder with the trajectories of I-24 MOTION INCEPTION, as JSON",
+    usual=".json",
+)
+"""The .json files in the folder, or the one file that is named; FileNotFoundError if there is none."""
 
 
 def is_one(path: Path) -> bool:

@@ -10,6 +10,7 @@ names of attributes: PTV Vissim 2025, Hilfe, Fahrzeuge im Netz in einer Liste an
 
 import re
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,6 @@ LANE_WIDTH = 3.5
 LABEL = "type"
 """Label of tracks: the number of the vehicle type."""
 
-_ENDINGS = text_endings(".fzp")
 _HEADERS = ("$VEHICLE:", "$FAHRZEUG:")
 _MAX_HEADER_LINES = 1000  # lines above the table, which explain one column each
 # Columns by their names without case: in English, in German (umlauts also as AE), last those of the older layout.
@@ -54,6 +54,10 @@ _REQUIRED = ("time", "vehicle", "link", "lane", "front", "speed")
 _UNSTATED = {"front": "m", "speed": "km/h", "length": "m", "acceleration": "m/s^2", "width": "m"}
 # Types of a new network; users define the meaning of others. Source: PTV Vissim manual, Vehicle types.
 _CLASS = {100: "car", 200: "truck", 300: "truck", 400: "other"}
+
+_WANTED = "a vehicle record of Vissim, or a folder of them"
+find_records = partial(named_files, endings=text_endings(".fzp"), wanted=_WANTED, usual=".fzp")
+"""The .fzp files in the folder, or the one file that is named; MissingInputError if there is none."""
 
 
 @dataclass(frozen=True)
@@ -77,11 +81,6 @@ class _Header:
         by_name = {name.upper(): name for name in self.columns}
         found = {canonical: [by_name[name] for name in names if name in by_name] for canonical, names in _NAMES.items()}
         return {canonical: names[0] for canonical, names in found.items() if names}
-
-
-def find_records(root: Path) -> list[Path]:
-    """The .fzp files in the folder, or the one file that is named; MissingInputError if there is none."""
-    return named_files(root, _ENDINGS, "a vehicle record of Vissim, or a folder of them", ".fzp")
 
 
 def is_record(path: Path) -> bool:

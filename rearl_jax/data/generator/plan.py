@@ -11,8 +11,8 @@ import numpy as np
 from scipy.stats import beta
 
 from rearl_jax.config.generator import GeneratorConfig
+from rearl_jax.data.generator.fleet import SpeedRestriction
 from rearl_jax.data.generator.road import LOWER, SECTIONS, UPPER, Section
-from rearl_jax.data.generator.situation import SpeedRestriction
 
 N_CELLS = 60
 CROSSING_TIME = 13.2  # mean time in view [s]: 24.6 vehicles x 16.5 h / 110,516 vehicles of highD

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.checks.leader_ids import is_absent
+from rearl_jax.data.checks.leaders import is_absent
 from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording, source_row
 
