@@ -15,12 +15,7 @@ _ROUNDING = 1e-3  # frames; error of a time that has been rounded
 
 
 def frame_rate_of(steps: np.ndarray, file: Path | str, column: str) -> float:
-    """Frames per second [1/s]: the usual rate nearest to the median step.
-
-    Args:
-        steps: Times from one row of a vehicle to the next [s]; steps that are not positive are ignored.
-        file: For messages.
-        column: Name of the column of times, for messages.
+    """Frames per second [1/s]: the usual rate nearest to the median of the positive steps [s] along tracks.
 
     Raises:
         BadRecordingError: The times are not in seconds, or no vehicle has two rows.

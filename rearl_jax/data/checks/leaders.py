@@ -36,14 +36,8 @@ def without_absent(
     """Ids of leaders as float64, NaN for 0, -1 or another placeholder that is the id of no vehicle.
 
     The formats write 0 where there is no leader. If a vehicle has the id 0, it is the leader of the vehicles behind it
-    in its lane that state 0; for other rows 0 means no leader.
-
-    Args:
-        leader: Stated ids of leaders.
-        track: Ids of the vehicles.
-        frame: Frames.
-        lane: Lanes, with other numbers for the other carriageway.
-        position: Positions along the road, rising in driving direction.
+    in its lane that state 0; for other rows 0 means no leader. Lanes of the two carriageways must have different
+    numbers, and positions must rise in driving direction.
     """
     leader = leader.astype(np.float64)
     is_none = is_absent(leader, track)
@@ -149,13 +143,8 @@ def notes_on_leaders(table: pd.DataFrame) -> list[str]:
 def _in_other_lane(table: pd.DataFrame, stated: np.ndarray, other: np.ndarray, frame_rate: float) -> np.ndarray:
     """Mask of the rows of pairs that are never in the same lane and last longer than LANE_CHANGE.
 
-    Where a lane is not known, lateral positions tell whether one vehicle drives beside the other.
-
-    Args:
-        table: Canonical table.
-        stated: Mask of the rows with a leader.
-        other: Row of the leader at the same frame.
-        frame_rate: Frames per second [1/s].
+    Where a lane is not known, lateral positions tell whether one vehicle drives beside the other. `stated` marks the
+    rows with a leader, which is in the row `other` at the same frame.
     """
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     lateral = table["lateral"].to_numpy()

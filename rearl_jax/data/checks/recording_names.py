@@ -19,12 +19,8 @@ def without_blanks(names: pd.Series) -> pd.Series:
 def require_own_rows(rows: pd.DataFrame, file: str, column: str) -> None:
     """Raise BadRecordingError if a recording of few vehicles is part of another one.
 
-    It is if its vehicles continue in the other one, or if the two names differ by case or blanks only.
-
-    Args:
-        rows: Columns `recording`, `track_id`, and `frame` or `time`; errors count the rows from 1.
-        file: For messages.
-        column: Name in the file of the column of recordings.
+    It is if its vehicles continue in the other one, or if the two names differ by case or blanks only. The rows have
+    the columns `recording`, `track_id`, and `frame` or `time`.
     """
     code, values = pd.factorize(rows["recording"])
     names = [str(name) for name in values]

@@ -26,11 +26,7 @@ def are_few(n_vehicles: int, n_others: int) -> bool:
 def require_own_runs(run: np.ndarray, track: np.ndarray, file: Path, column: str) -> None:
     """Raise BadRecordingError for a run of few vehicles, whose rows seem to be those of the largest one.
 
-    Args:
-        run: Run of each row; a row without one is passed over.
-        track: Vehicle of each row, as a number.
-        file: For the message.
-        column: Name of the column of runs.
+    Rows without a run are passed over; `column` is that of the runs.
     """
     vehicles = pd.DataFrame({"run": run, "track": track}).dropna().groupby("run")["track"].unique()
     if len(vehicles) < 2:
@@ -62,12 +58,7 @@ def continue_in(track: np.ndarray, frame: np.ndarray, part: np.ndarray, other: n
 
 
 def fill_gaps_of(vehicles: np.ndarray, others: np.ndarray) -> bool:
-    """True if a recording has fewer vehicles than another one, with exactly numbers that are missing there.
-
-    Args:
-        vehicles: Numbers of the vehicles, each once.
-        others: Those of the other recording.
-    """
+    """True if a recording has fewer vehicles, each given once, than another one, and the numbers missing there."""
     if len(vehicles) >= len(others) or np.isin(vehicles, others).any():
         return False
     taken = len(others) / (max(vehicles.max(), others.max()) - min(vehicles.min(), others.min()) + 1)

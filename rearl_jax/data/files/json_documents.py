@@ -104,14 +104,8 @@ def _spans(text: bytes) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _require_json(text: bytes, begins: np.ndarray, ends: np.ndarray, offset: int, path: Path) -> None:
-    """Raise BadRecordingError if there is anything except commas and blanks between objects.
-
-    Args:
-        text: Part of the file.
-        begins: Beginnings of the objects in it.
-        ends: Their ends.
-        offset: Byte offset of the text in the file.
-        path: The file.
+    """Raise BadRecordingError if there is anything except commas and blanks between the objects of a text, which is the
+    part of the file from the byte `offset` on.
     """
     before = np.concatenate([[0], ends])[: begins.size]
     for start, stop in zip(before, begins, strict=True):

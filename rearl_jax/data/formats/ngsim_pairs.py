@@ -64,11 +64,7 @@ def pairs_recordings(path: Path) -> dict[str, str]:
 def runs_of(path: Path, column: str, vehicle: str, columns: Sequence[str]) -> list[str]:
     """Runs of a table of pairs, by name.
 
-    Args:
-        path: The file.
-        column: Column of the runs.
-        vehicle: Column of numbers of vehicles or pairs.
-        columns: All columns that the table must have.
+    `column` is that of the runs, `vehicle` that of numbers of vehicles or pairs; the table must have all `columns`.
 
     Raises:
         BadRecordingError: A column is missing, a row has no run or seems to have that of others, or there are no rows.

@@ -59,10 +59,7 @@ def _unusable(index: Path, run: str, column: str, value: str, wanted: str) -> Ex
 def switched(table: pd.DataFrame, drivers: pd.Series, info: RecordingInfo) -> tuple[pd.DataFrame, RecordingInfo]:
     """The table, in which a car becomes a new track after every switch of its driver, and the recording with a note.
 
-    Args:
-        table: Rows of cars, sorted by track_id (the place in the platoon) and frame.
-        drivers: Values of the label ACC by place and frame.
-        info: The recording.
+    The table is sorted by track_id (the place in the platoon) and frame; `drivers` holds the label ACC by both.
     """
     places = pd.MultiIndex.from_arrays([table["track_id"], table["frame"]])
     values = drivers.reindex(places).to_numpy(object)

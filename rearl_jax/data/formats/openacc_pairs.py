@@ -46,12 +46,7 @@ def checked_pairs(
 ) -> tuple[str, ...]:
     """Notes on the pairs whose gap does not follow from their speeds.
 
-    Args:
-        gaps: Gap behind each vehicle except the last [m], one row per frame; NaN where it is unknown.
-        speed: Speed of each vehicle [m/s].
-        vehicles: Numbers of the vehicles.
-        frame_rate: Frames per second [1/s].
-        info: The recording, for messages.
+    One row per frame: the gaps behind all vehicles except the last [m], NaN where unknown, and all speeds [m/s].
 
     Raises:
         BadRecordingError: A unit is wrong, or a gap follows the speeds of another pair.

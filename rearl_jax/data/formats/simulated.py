@@ -63,16 +63,7 @@ def is_generated(data: DataConfig, root: Path) -> bool:
 def info_of(
     path: Path, id: str, source: str, labels: tuple[str, ...], notes: Sequence[str], columns: dict[str, str]
 ) -> RecordingInfo:
-    """The record of a simulated recording; frame rate, lanes and road length are placeholders until the rows are read.
-
-    Args:
-        path: The file.
-        id: Id of the recording.
-        source: The simulator.
-        labels: Columns that are labels.
-        notes: Assumptions.
-        columns: Names of columns in the file, by canonical name.
-    """
+    """The record of a simulated recording; frame rate, lanes and road length are placeholders until rows are read."""
     return RecordingInfo(
         id=id,
         frame_rate=1.0,

@@ -213,12 +213,7 @@ class SpeedRestriction:
     speeds: tuple[float, ...]
 
     def limited(self, desired_speed: np.ndarray, situation: Situation) -> np.ndarray:
-        """Desired speed of every driver [m/s], at most the passable speed for those in the bottleneck.
-
-        Args:
-            desired_speed: Desired speed on a free road [m/s].
-            situation: Position of every driver, and the time.
-        """
+        """Desired speed of every driver, at most the passable speed for those in the bottleneck [m/s]."""
         phase = int(np.searchsorted(self.times, situation.time, side="right")) - 1
         if phase < 0:
             return desired_speed

@@ -101,7 +101,7 @@ def straightened(
         y: Position on the map [m].
         number: Lane in the source, NaN where it is unknown.
         info: The recording, for messages.
-        y_down: Whether y points down, as in images.
+        y_down: Whether y points down, as in images, so that right and left are interchanged.
         shared: Smallest share of rows in each direction for a lane number to belong to both carriageways [-]; above
             0.5 every number belongs to one carriageway.
 
@@ -143,11 +143,8 @@ def straightened(
 def _lane_order(number: np.ndarray, across: np.ndarray) -> LaneOrder:
     """The lanes of one carriageway.
 
-    Lanes are side by side at least half a lane apart; numbers nearer to each other are parts of one lane.
-
-    Args:
-        number: Lane of each row in the source; NaN where it is unknown.
-        across: Lateral position of each row, positive to the driver's right [m].
+    Lanes are side by side at least half a lane apart; numbers nearer to each other are parts of one lane. `number` is
+    the lane of each row in the source, NaN where unknown, `across` its lateral position, positive to the right [m].
     """
     known = (np.abs(number) < _MAX_LANE) & np.isfinite(across)
     numbers, which, n_rows = np.unique(number[known], return_inverse=True, return_counts=True)

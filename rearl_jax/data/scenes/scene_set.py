@@ -187,14 +187,8 @@ def speed_extremes(speed: np.ndarray, norm: SpeedNorm) -> tuple[float, float]:
 def scale_speed(speed: np.ndarray, speed_min: float, speed_max: float, norm: SpeedNorm) -> np.ndarray:
     """Speed in the simulator's range [m/s].
 
-    v' = 5 + (32 - 5) (v - v_min) / (v_max - v_min), clipped to [5, 32]; `clip` clips v
+    v' = 5 + (32 - 5) (v - v_min) / (v_max - v_min), clipped to [5, 32], with recorded speeds v [m/s]; `clip` clips v
     itself, `none` returns v.
-
-    Args:
-        speed: Recorded speed [m/s].
-        speed_min: Speed that becomes 5 m/s.
-        speed_max: Speed that becomes 32 m/s.
-        norm: Rescaling of speeds.
 
     Source: Bi et al.
     """
