@@ -99,9 +99,7 @@ def next_in_lane(table: pd.DataFrame) -> np.ndarray:
 def states_all_leaders(in_lane: np.ndarray, stated: np.ndarray) -> bool:
     """True if the stated leaders count as complete, so that a vehicle without a stated leader has none.
 
-    Args:
-        in_lane: Row of the next vehicle ahead in the lane, ABSENT if there is none.
-        stated: Row of the stated leader, ABSENT if there is none.
+    The arguments are the rows of the next vehicle ahead in the lane and of the stated leader, ABSENT for none.
     """
     is_stated = stated != ABSENT
     has_one = in_lane != ABSENT

@@ -142,11 +142,7 @@ def read_documents(path: Path, starts: Sequence[int], sizes: Sequence[int]) -> l
 def parsed(texts: Sequence[bytes], fields: dict[str, pa.DataType]) -> tuple[pa.Table, np.ndarray]:
     """Fields of documents, null where a document lacks one, and the mask of those that cannot be parsed.
 
-    Documents that cannot be parsed have no row in the table.
-
-    Args:
-        texts: The documents.
-        fields: Name and type of each field; a document with a value of another type cannot be parsed.
+    Documents that cannot be parsed, because they are damaged or a field has another type, have no row in the table.
     """
     schema = pa.schema(list(fields.items()))
     table = _table(b"\n".join(texts), schema)

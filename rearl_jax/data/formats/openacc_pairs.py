@@ -24,10 +24,7 @@ _OWN, _OF_OTHERS, _LEAST_LEAD = 0.5, 0.9, 0.3
 def on_breaks(vehicles: Collection[int], gaps: Collection[int], names: Sequence[str] = ()) -> tuple[str, ...]:
     """Notes on the vehicles and gaps that a run lacks: nothing is known of their followers and leaders.
 
-    Args:
-        vehicles: Numbers of the vehicles that are recorded.
-        gaps: Numbers of the vehicles whose gap to the vehicle behind is recorded.
-        names: Models of all vehicles, from number 1 on, if known.
+    `gaps` holds the numbers of the vehicles whose gap behind is recorded, `names` the models of all from number 1 on.
     """
     absent = [k for k in range(1, max([len(names), *vehicles]) + 1) if k not in vehicles]
     apart = [k for k in vehicles if k + 1 in vehicles and k not in gaps]

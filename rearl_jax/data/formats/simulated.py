@@ -105,8 +105,8 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
     code = rows["link"].cat.codes.to_numpy().astype(np.int64)
     numbers = {name: rows[name].to_numpy(np.float64) for name in ("front", "speed", "lane", "length")}
     track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
-    road = main_road(Steps(track, frame, code, numbers["front"], numbers["speed"], period))
-    begin = road.begins[code]
+    begins, laps = main_road(Steps(track, frame, code, numbers["front"], numbers["speed"], period))
+    begin = begins[code]
     on_road = ~np.isnan(begin)
     front = begin + numbers["front"]
     position = front - 0.5 * numbers["length"]
@@ -115,9 +115,9 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
     table = rows[["track_id", "frame", "speed", "length", "vehicle_class", *(n for n in further if n in rows)]]
     table = table.assign(direction=1, position=position, lane=lane)
     table = _on_ground(table, rows, simulation)
-    info = _described(info, road.begins, n_lanes, links, period, simulation)
+    info = _described(info, begins, n_lanes, links, period, simulation)
     # A vehicle that comes back from another road, or begins another lap, is a track of its own.
-    starts = (_comes_back(track, on_road) | road.laps) & on_road
+    starts = (_comes_back(track, on_road) | laps) & on_road
     if not on_road.all():
         info = _with_note_on_others(info, code[~on_road], links)
         losses.count("other_road", int((~on_road).sum()))

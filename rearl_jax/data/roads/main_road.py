@@ -36,21 +36,10 @@ class Steps:
     period: float
 
 
-@dataclass(frozen=True)
-class MainRoad:
-    """Links in sequence.
-
-    Attributes:
-        begins: Start of each link along the road [m]; NaN for links that are not part of it.
-        laps: Mask of the rows at which a vehicle starts another lap, as on a ring.
+def main_road(steps: Steps) -> tuple[np.ndarray, np.ndarray]:
+    """Start of each link along the road of the link with the most rows [m], NaN for links that are not part of it; and
+    the mask of the rows at which a vehicle starts another lap, as on a ring.
     """
-
-    begins: np.ndarray
-    laps: np.ndarray
-
-
-def main_road(steps: Steps) -> MainRoad:
-    """The road of the link with the most rows."""
     rows = np.flatnonzero((np.diff(steps.track) == 0) & (np.diff(steps.frame) == 1))
     moved = _moved(steps, rows)
     changes = steps.link[rows] != steps.link[rows + 1]
@@ -68,7 +57,7 @@ def main_road(steps: Steps) -> MainRoad:
     if closing:
         pairs = zip(steps.link[rows].tolist(), steps.link[rows + 1].tolist(), strict=True)
         laps[rows + 1] = [pair in closing for pair in pairs]
-    return MainRoad(begins, laps)
+    return begins, laps
 
 
 @dataclass(frozen=True)

@@ -170,12 +170,8 @@ def split_sizes(n_scenes: int, split: SplitConfig, seconds: float = math.inf) ->
 
     The paper's 150, 15 and 50 of 741. For another number N: threshold 0.2 N; tuning and evaluation scaled by
     N / 741 (not above 15 and 50), at least 5. If these do not fit into N: evaluation as above, threshold 0.2 N, tuning
-    the rest, the last two at least 1. A size given in the configuration is used unchanged.
-
-    Args:
-        n_scenes: Number of scenes.
-        split: Sizes asked for.
-        seconds: Length of a scene [s], for the advice to cut shorter ones.
+    the rest, the last two at least 1. A size given in the configuration is used unchanged. With the length of a scene
+    [s] the error for too few scenes advises shorter ones.
 
     Raises:
         ValueError: Fewer scenes than the splits need.

@@ -47,12 +47,9 @@ class Trial:
 
 
 def tried(root: str, proposal: Proposal, present: list[str]) -> Trial:
-    """The table as it can be read; columns that the reader refuses are moved to `proposal.refused`.
+    """The table as it can be read, a file, or a folder of files that all have the columns `present`.
 
-    Args:
-        root: File, or folder of files of the same columns.
-        proposal: Proposed meaning of its columns; changed in place.
-        present: Names of all columns.
+    Columns that the reader refuses are moved to `proposal.refused`.
     """
     while True:
         keys = {"columns": proposal.columns(present), "units": proposal.units, "ring": proposal.ring}

@@ -116,16 +116,16 @@ class TableFile:
         if rows.empty:
             text = "the table has no rows" + (" that are whole" if losses.counts else "")
             raise bad_recording("no-rows", text, "remove the file or complete it", self.path)
-        done = completed(rows, spelling, self._policy, str(self.path))
-        rows, info = done.rows, stated.get(recording)
+        rows, notes, added = completed(rows, spelling, self._policy, str(self.path))
+        info = stated.get(recording)
         if info is None:
             self._require_known(stated)
             source = str(self.path), self.path.name
             rows, info = info_of_rows(recording, rows, *source, is_in_seconds=spelling.has_clock)
         unread = on_unread(spelling, self._policy, [name for name in further if name not in texts])
-        info = replace(info, notes=tuple(dict.fromkeys([*info.notes, *done.notes, *self._remarks, *unread])))
+        info = replace(info, notes=tuple(dict.fromkeys([*info.notes, *notes, *self._remarks, *unread])))
         info = replace(info, columns=spelling.foreign)
-        info = with_labels(info, (*labels, *done.labels), [*further, *done.labels])
+        info = with_labels(info, (*labels, *added), [*further, *added])
         return Recording(info, *validate(rows, info, self._policy, losses))
 
     def _require_known(self, stated: dict[str, RecordingInfo]) -> None:

@@ -140,12 +140,9 @@ def _classes(given: Mapping[Any, object]) -> dict[str, str]:
 
 
 def on_unread(spelling: Spelling, data: DataConfig, others: Sequence[str]) -> tuple[str, ...]:
-    """Note on columns that are not read although they have a usual name of a column that is missing.
+    """Note on the other columns, which are not read, that have a usual name of a column that is missing.
 
-    Args:
-        spelling: Spelling of the table.
-        data: `columns`; one that it names, also as null, is not missing.
-        others: Names of the columns that are not read.
+    A column that `data.columns` names, also as null, is not missing.
     """
     missing = [name for name in OPTIONAL if name not in spelling.columns and name not in data.columns]
     found = {name: next((other for other in others if rank_of(other, name) is not None), None) for name in missing}
