@@ -14,8 +14,8 @@ from rearl_jax.data.recordings import data_id, iterate_recordings, label_of_same
 from rearl_jax.data.records import Recording
 from rearl_jax.data.tables.canonical import TableFile, write_recording
 from rearl_jax.data.tables.in_memory import in_memory
-from tests.data.changed_rows import with_values
 from tests.data.formats.test_openacc import _platoon
+from tests.data.made_rows import with_values
 from tests.data.table_files import write_table
 from tests.refusal import refused
 

@@ -9,7 +9,7 @@ from rearl_jax.data.formats.ngsim_pairs import find_pairs, pairs_recordings, rea
 from rearl_jax.data.formats.ngsim_published import PublishedFile, find_published
 from rearl_jax.data.recordings import count_recordings, iterate_recordings
 from rearl_jax.problems import MissingInputError
-from tests.data.changed_rows import with_values
+from tests.data.made_rows import with_values
 from tests.refusal import refused
 
 STOP = DataConfig()
@@ -200,8 +200,9 @@ def test_an_id_used_again_in_a_recording_becomes_another_vehicle(tmp_path):
 def test_a_table_in_metres_and_an_unknown_class_are_found(tmp_path):
     metres = _published()
     metres[["Local_X", "Local_Y", "v_Length", "v_Width", "v_Vel", "v_Acc"]] *= 0.3048
-    with refused("wrong-units", column="v_Length", row=1):
+    with refused("wrong-units", column="v_Length", row=1) as caught:
         _write(tmp_path, metres).read("us101_0750")
+    assert "metres, read as feet?" in str(caught.value)
     _write(tmp_path, _published().assign(v_Class=lambda t: t["v_Class"].replace(3, 5)))
     with refused("unknown-class", column="v_Class", row=121, fault="class 5 is unknown (and 59 more rows)"):
         PublishedFile(find_published(tmp_path)[0], STOP).read("us101_0750")

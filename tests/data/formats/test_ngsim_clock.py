@@ -200,14 +200,6 @@ def test_the_remedy_for_a_class_is_a_number_of_the_format(tmp_path):
     assert "2 (car)" in str(caught.value)
 
 
-def test_metres_in_place_of_feet_are_named(tmp_path):
-    rows = _published()
-    metres = {name: 0.3048 * rows[name] for name in ("Local_X", "Local_Y", "v_Length", "v_Width", "v_Vel", "v_Acc")}
-    with refused("wrong-units", column="v_Length") as caught:
-        _file(tmp_path, rows.assign(**metres)).read("us101_0750")
-    assert "metres, read as feet?" in str(caught.value)
-
-
 def test_a_text_table_of_an_arterial_is_named(tmp_path):
     line = " ".join(["1 2 3 1118846980200", *(20 * ["0"])])
     (tmp_path / "lankershim.txt").write_text(f"{line}\n{line}\n")
