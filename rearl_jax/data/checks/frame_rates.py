@@ -61,10 +61,9 @@ def between_frames(n_vehicles: int) -> str:
 
 
 def phase_of(frames: np.ndarray) -> float:
-    """Distance of most frames from whole numbers, -0.5 to 0.5, by the mean direction on the circle of one frame.
+    """Distance of most times, in frame intervals, from whole numbers, -0.5 to 0.5: the median direction on a circle.
 
-    Args:
-        frames: Times in frame intervals; those that are not finite are ignored.
+    Times that are not finite are ignored.
     """
     angle = 2.0 * np.pi * (frames[np.isfinite(frames)] % 1.0)
     if not angle.size:

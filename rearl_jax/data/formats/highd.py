@@ -125,12 +125,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
 
     With c the centre of the bounding box and L the largest box edge of the recording: direction 2 drives to
     the right, position = c_x, lateral = c_y - first lower marking; direction 1 drives to the left, position
-    = L - c_x, lateral = last upper marking - c_y. speed = |xVelocity|.
-
-    Args:
-        tracks_file: NN_tracks.csv, the other two files lie beside it.
-        policy: Treatment of bad rows.
-        generated: The files were written by the generator.
+    = L - c_x, lateral = last upper marking - c_y. speed = |xVelocity|. The other two files lie beside the tracks file.
 
     Raises:
         FileNotFoundError: One of the three files is missing.

@@ -154,14 +154,11 @@ def read_lateral(path: Path, recording: str, part: None, policy: DataConfig) -> 
 
 
 def joined_pairs(pairs: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Recording:
-    """The recording that consists of the vehicles of all pairs.
+    """The recording that consists of the vehicles of all pairs, with the length of its road.
 
-    Args:
-        pairs: The columns that `read_pairs` reads. Optional columns of the follower (`f`) and the leader (`l`):
-            `length_f_m`, `width_f_m`, `width_l_m`, `class_f`, `class_l` (classes of the canonical table), and `x_f_m`,
-            lateral positions of the followers.
-        info: The recording, whose road length is still unknown.
-        policy: Treatment of bad rows, and the length of vehicles whose length is unknown.
+    Pairs have the columns that `read_pairs` reads, and optional ones of the follower (`f`) and the leader (`l`):
+    `length_f_m`, `width_f_m`, `width_l_m`, `class_f`, `class_l` (classes of the canonical table), and `x_f_m`, lateral
+    positions of the followers.
     """
     _require_ids(pairs, info)
     _require_units(pairs, info)

@@ -83,13 +83,9 @@ def info_of(
 def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig, losses: Losses) -> Recording:
     """The recording of the main road.
 
-    Args:
-        rows: FIELDS, and where the source has them x, y (of the front), hx, hy (unit vector of the heading in x, y),
-            aside (position in the lane, to the right of its middle, in lane widths), acceleration, width, leader_id,
-            labels. The index holds the rows of the source, from 0.
-        simulation: Further properties.
-        policy: Treatment of bad rows.
-        losses: Rows that are already left out.
+    The rows have FIELDS, and where the source has them x, y (of the front), hx, hy (unit vector of the heading in x,
+    y), aside (position in the lane, to the right of its middle, in lane widths), acceleration, width, leader_id,
+    labels. The index holds the rows of the source, from 0.
 
     Raises:
         BadRecordingError: A value is missing or the times do not follow a clock and data.on_bad is stop, or a row

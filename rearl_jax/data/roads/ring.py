@@ -16,10 +16,7 @@ from rearl_jax.data.vehicle_rows import first_and_last_rows
 def unrolled(rows: pd.DataFrame, circumference: float, file: str) -> tuple[pd.DataFrame, list[str]]:
     """The rows with positions that grow from lap to lap and a leader for every vehicle, and notes.
 
-    Args:
-        rows: Rows with `track_id`, `frame` and `position` [m], which may restart at 0 in every lap or not.
-        circumference: Length of one lap [m].
-        file: For messages.
+    Positions [m] may restart at 0 in every lap or not; the circumference is the length of one lap [m].
 
     Raises:
         BadRecordingError: There are several lanes, or vehicles overtake each other or are not on the ring.

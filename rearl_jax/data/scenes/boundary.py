@@ -94,15 +94,10 @@ class BoundaryOptions:
 def cut_boundary(
     recordings: Iterable[Recording], scenes: SceneSet, subset: np.ndarray, options: BoundaryOptions
 ) -> SceneBoundary:
-    """The recorded traffic around the vehicles of some scenes.
+    """The recorded traffic around the vehicles of a subset of the scenes, which holds their indices.
 
     Between two recorded frames positions, speeds and accelerations change linearly; a lane is that of the earlier one.
-
-    Args:
-        recordings: Recordings that include those of the scenes; read once, one at a time.
-        scenes: All scenes.
-        subset: Indices of the scenes.
-        options: Choice of the replayed vehicles.
+    The recordings are read once, one at a time.
 
     Raises:
         InvalidInputError: The lane of a vehicle is unknown, or a recording is missing.

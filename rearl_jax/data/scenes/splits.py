@@ -121,13 +121,7 @@ def split_windows(recording: np.ndarray, start_time: np.ndarray, seconds: float,
     Units are shuffled with `split.seed`; evaluation takes units until it has its size, then threshold, then
     tuning, so the evaluation scenes do not depend on the other two sizes. Scenes of a unit beyond the size are dropped
     at random. A split stops early if it would leave less than one unit for each split after it. A window belongs to the
-    seconds [start, start + seconds).
-
-    Args:
-        recording: Recording of every window.
-        start_time: Start of every window since the start of its recording [s].
-        seconds: Length of a window [s].
-        split: Unit, seed and sizes.
+    seconds [start, start + seconds) since the start of its recording [s].
 
     Raises:
         ValueError: Windows overlap and the unit is a scenario; blocks are shorter than a window; too few

@@ -86,11 +86,7 @@ class TableFile:
         return [str(name) for name in found]
 
     def read(self, recording: str, labels: Sequence[str] = ()) -> Recording:
-        """One recording of the file, checked.
-
-        Args:
-            recording: Its id.
-            labels: Columns that are labels of its tracks, in addition to those that the file states itself.
+        """One recording of the file, checked; with columns that are labels of its tracks beside those that it states.
 
         Raises:
             BadRecordingError: The file or a row breaks the schema.

@@ -29,13 +29,8 @@ def completed(
 ) -> tuple[pd.DataFrame, tuple[str, ...], tuple[str, ...]]:
     """The rows in SI units with every required column, notes on the changes, and labels of tracks that were added.
 
-    Times whose unit is not stated stay as they are.
-
-    Args:
-        rows: Rows under canonical names; the index holds the row numbers of the source.
-        spelling: Their spelling in the table.
-        data: `default_length` and `ring`.
-        file: For messages.
+    Times whose unit is not stated stay as they are. The given rows are already under canonical names; their index holds
+    the row numbers of the source.
 
     Raises:
         BadRecordingError: A column is missing that does not follow from others, or an id or a time cannot be read.

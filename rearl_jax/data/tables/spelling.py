@@ -72,12 +72,9 @@ class Spelling:
 
 
 def spelling_of(data: DataConfig, present: Sequence[str], file: str) -> Spelling:
-    """Spelling of a table with these columns; a column that no key names has its canonical name.
+    """Spelling of a table with these columns by `data.columns`, `data.units` and `data.classes`.
 
-    Args:
-        data: `columns`, `units` and `classes`.
-        present: Names of all columns of the table.
-        file: For messages.
+    A column that no key names has its canonical name.
 
     Raises:
         InvalidInputError: A key names no canonical column, two name the same column, or a unit or class is unknown.
