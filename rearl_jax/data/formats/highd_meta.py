@@ -30,12 +30,8 @@ _TRACKS_META = {
 
 @dataclass(frozen=True)
 class RecordingMeta:
-    """Content of NN_recordingMeta.csv.
-
-    Attributes:
-        frame_rate: Frames per second [1/s].
-        speed_limit: [m/s]; None if there is none.
-        markings: y of the lane markings per direction [m], ascending; y points down, the first is the topmost.
+    """Content of NN_recordingMeta.csv: frame rate [1/s], speed limit [m/s] if there is one, and for each direction y of
+    the lane markings [m], ascending; y points down, so that the first is the topmost.
     """
 
     frame_rate: float

@@ -66,13 +66,7 @@ find_files = partial(named_files, endings=text_endings(".csv"), wanted=_WANTED, 
 
 @dataclass(frozen=True)
 class _Vehicle:
-    """One vehicle as described by a row.
-
-    Attributes:
-        number: Its track_id.
-        kind: Its type, in the spelling of _TYPES.
-        values: One row per time step, in the columns of REPEATED_COLUMNS.
-    """
+    """A row of the file: track_id, type as in _TYPES, and a row per time step, in the columns of REPEATED_COLUMNS."""
 
     number: int
     kind: str

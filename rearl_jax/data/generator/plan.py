@@ -86,14 +86,8 @@ def plan_recording(config: GeneratorConfig, recording_id: int) -> RecordingPlan:
 
 @dataclass(frozen=True)
 class _Design:
-    """Design of the recordings; arrays over cells.
-
-    Attributes:
-        duration: [s], before scaling.
-        vehicle_rate: Vehicles per second, both directions.
-        truck_share: Share of trucks.
-        congested: Whether there is stop-and-go traffic.
-        section: Index into SECTIONS.
+    """Design of the recordings, arrays over cells: duration before scaling [s], vehicles of both directions per second,
+    share of trucks, whether there is stop-and-go traffic, and index into SECTIONS.
     """
 
     duration: np.ndarray

@@ -17,15 +17,10 @@ _OUTER = 0.01  # share of the rows at either end of a link that may be damaged
 
 @dataclass(frozen=True)
 class Steps:
-    """Rows of vehicles on links, sorted by vehicle and time.
+    """Rows of vehicles on links, which are numbered from 0, sorted by vehicle and time.
 
-    Attributes:
-        track: Vehicle.
-        frame: Frame number.
-        link: Link, numbered from 0.
-        along: Distance of the front from the beginning of the link [m].
-        speed: Speed [m/s].
-        period: Time between two frames [s].
+    `along` is the distance of the front from the beginning of the link [m], `speed` in m/s, `period` the time between
+    two frames [s].
     """
 
     track: np.ndarray
@@ -62,14 +57,7 @@ def main_road(steps: Steps) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class _Joint:
-    """A pair of consecutive links.
-
-    Attributes:
-        behind: The first link.
-        ahead: The second link.
-        apart: Distance from the start of the first to the start of the second [m].
-        n: Number of vehicles that drive from the first to the second.
-    """
+    """Two consecutive links, the distance from start to start [m], and the number of vehicles that drive over both."""
 
     behind: int
     ahead: int

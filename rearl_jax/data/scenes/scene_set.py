@@ -26,15 +26,7 @@ Slots = "scenes frames slots"
 
 @dataclass(frozen=True)
 class SceneCounts:
-    """Counts of recordings and windows behind the scenes.
-
-    Attributes:
-        recordings: Recordings read.
-        recordings_without_scenes: Recordings that gave no scene.
-        windows: Windows examined.
-        rejected: Windows with too few vehicles in a snapshot.
-        accepted: Windows that became scenes.
-    """
+    """Counts of the recordings read and of windows examined; a rejected one has a snapshot with too few vehicles."""
 
     recordings: int
     recordings_without_scenes: int

@@ -23,13 +23,7 @@ _MIN_LEADERS_PRESENT = 0.5  # share of the stated leaders that must be vehicles 
 
 @dataclass(frozen=True)
 class Taken:
-    """A column of the file that is taken for a canonical one.
-
-    Attributes:
-        source: Its name in the file.
-        unit: Its entry in `data.units`; None if none is needed.
-        why: Reason for the proposal.
-    """
+    """A column that is taken for a canonical one: its name in the file, its entry in `data.units` or None, and why."""
 
     source: str
     unit: str | None

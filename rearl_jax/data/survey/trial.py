@@ -23,14 +23,9 @@ _CAUSED_BY = {"y": "lateral"}
 
 @dataclass
 class Trial:
-    """Result of reading a table on trial.
+    """Result of reading a table on trial with a configuration; without an error it can be read.
 
-    Attributes:
-        data: The configuration that reads it.
-        recordings: Its recordings: id, rows, vehicles, frame_rate.
-        notes: Notes on them, each once.
-        dropped: Rows and tracks that are left out, by cause.
-        error: Why it cannot be read; None if it can.
+    Its recordings have the keys id, rows, vehicles and frame_rate; rows and tracks are dropped by cause.
     """
 
     data: DataConfig

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.labels import with_labels
 from rearl_jax.data.checks.losses import Losses
-from rearl_jax.data.checks.recording_names import require_own_rows, without_blanks
+from rearl_jax.data.checks.stray_rows import require_own_rows, without_blanks
 from rearl_jax.data.files.columnar import column_names, is_parquet, is_text, read_columns, stored_text
 from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files, recordings_missing, tables_of_study, tell_of_unfinished

@@ -11,7 +11,7 @@ from pandas.util import hash_pandas_object
 
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.checks.labels import with_labels
-from rearl_jax.data.checks.recording_names import require_own_rows, without_blanks
+from rearl_jax.data.checks.stray_rows import require_own_rows, without_blanks
 from rearl_jax.data.problems import recording_unnamed
 from rearl_jax.data.reader import Entry
 from rearl_jax.data.records import Recording
