@@ -131,9 +131,11 @@ def test_a_vehicle_that_overtakes_is_refused(tmp_path):
         read(path, ring=LAP)
 
 
-def test_several_lanes_are_refused(tmp_path):
+def test_several_lanes_are_refused_and_unknown_ones_are_no_lane(tmp_path):
     path = tmp_path / "lanes.csv"
     rows = ring().drop(columns="along")
     rows.assign(lane=rows["track_id"] % 2).to_csv(path, index=False)
     with refused("ring-lanes", BadRecordingError, column="lane"):
         read(path, ring=LAP)
+    rows.assign(lane=np.where(rows["track_id"] == 2, np.nan, 0.0)).to_csv(path, index=False)
+    assert read(path, ring=LAP).table["lane"].eq(0).all()

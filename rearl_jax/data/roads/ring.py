@@ -22,7 +22,7 @@ def unrolled(rows: pd.DataFrame, circumference: float, file: str) -> tuple[pd.Da
         BadRecordingError: There are several lanes, or vehicles overtake each other or are not on the ring.
     """
     track, frame, stated = (numbers_of(pd.Series(rows[name])) for name in ("track_id", "frame", "position"))
-    if "lane" in rows and len(np.unique(numbers_of(pd.Series(rows["lane"])))) > 1:
+    if "lane" in rows and pd.Series(numbers_of(pd.Series(rows["lane"]))).nunique() > 1:
         text = "a ring road is read with one lane only, and there are several"
         remedy = "give each lane a table of its own, or leave the column out: 'data.columns={lane: null}'"
         raise bad_recording("ring-lanes", text, remedy, file, column="lane")
