@@ -19,12 +19,12 @@ import pandas as pd
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.frame_rates import MAX_FRAME_OFFSET, between_frames
 from rearl_jax.data.checks.losses import Losses, reject
+from rearl_jax.data.checks.motion_checks import standing
 from rearl_jax.data.checks.typed_table import unknown_class
 from rearl_jax.data.files.content import in_utf8
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.json_documents import parsed, read_documents
 from rearl_jax.data.files.text_layout import readable
-from rearl_jax.data.formats.backward_speeds import standing
 from rearl_jax.data.formats.i24_index import FEET, FIELDS, LANE, OPTIONAL, Cell, Index, Tracks, index_of
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.schema import Recording, RecordingInfo, validate

@@ -20,10 +20,10 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import typed_table
 from rearl_jax.data.checks.frame_rates import phase_of
 from rearl_jax.data.checks.losses import Losses, stop_or_count
+from rearl_jax.data.checks.motion_checks import MAX_BACKWARD
 from rearl_jax.data.checks.unit_checks import require_period
 from rearl_jax.data.files.columnar import column_names, read_columns
 from rearl_jax.data.files.folder import only_parquet
-from rearl_jax.data.formats.backward_speeds import MAX_BACKWARD
 from rearl_jax.data.formats.openacc_labels import INDEX_FILE, labels_of_run, switched
 from rearl_jax.data.formats.openacc_pairs import checked_pairs, on_breaks
 from rearl_jax.data.problems import Finding, bad_recording, source_row

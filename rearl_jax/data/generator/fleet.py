@@ -61,9 +61,8 @@ def draw_drivers(
 ) -> Drivers:
     """Drivers of given class and pace (see `Arrivals`), with parameters that vary between drivers.
 
-    Spreads follow the usual ranges of Gipps-model calibrations (Gipps 1981; Ciuffo, Punzo and Montanino
-    2012); vehicle sizes are those of European cars (3.6 to 5.3 m) and of rigid and articulated trucks (8 to
-    18.75 m).
+    Spreads follow the usual ranges of Gipps-model calibrations (Gipps 1981; Ciuffo, Punzo and Montanino 2012); vehicle
+    sizes are those of European cars (3.6 to 5.3 m) and of rigid and articulated trucks (8 to 18.75 m).
     """
     n = len(is_truck)
     # Drivers keep near a legal limit, most a little above it.
