@@ -38,9 +38,8 @@ log = logging.getLogger(__name__)
 def run(config: PrepareTask) -> dict:
     """The summary of the prepared data, as written to summary.json.
 
-    Keys: recordings, rows, vehicles, trucks, hours, truck_share, in_view_mean (vehicles per frame, mean over
-    time), lane_changes, windows (of time, examined for scenes), n_scenes, dropped (rows, cuts and tracks left out, by
-    cause).
+    Keys: recordings, rows, vehicles, trucks, hours, truck_share, in_view_mean (vehicles per frame, mean over time),
+    lane_changes, windows (of time, examined for scenes), n_scenes, dropped (rows, cuts and tracks left out, by cause).
 
     Raises:
         FileNotFoundError, ValueError: There are no recordings, one is bad (BadRecordingError), or no scene

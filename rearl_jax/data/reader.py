@@ -58,13 +58,7 @@ class Reader:
 def one_per_file(
     find: Callable[[Path], list[Path]], name: Callable[[Path], str], read: Callable[[Path, DataConfig], Recording]
 ) -> Callable[[DataConfig, Path], Iterator[Entry]]:
-    """Entries of a format with one recording per file.
-
-    Args:
-        find: The files.
-        name: Recording id of a file.
-        read: The recording of a file.
-    """
+    """Entries of a format with one recording per file: functions that find the files, name a recording and read it."""
 
     def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
         for path in find(root):
@@ -80,10 +74,7 @@ def parts_of_files(
 ) -> Callable[[DataConfig, Path], Iterator[Entry]]:
     """Entries of a format whose recordings are parts of files.
 
-    Args:
-        find: The files.
-        parts: Recording id -> value that selects its rows.
-        read: One recording of a file by its id and part.
+    `parts` gives the id of each recording of a file, and what selects its rows; `read` gets both.
     """
 
     def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
@@ -104,12 +95,7 @@ def parts_of(
 
 
 def by_first_file(find: Callable[[Path], list[Path]], is_one: Callable[[Path], bool]) -> Callable[[Path], Path | None]:
-    """Recognises a file, or a folder by the first of its files; data.root must name the file or folder itself.
-
-    Args:
-        find: The recordings of a folder, or the file that is named.
-        is_one: Whether a file is in the format, by its first lines.
-    """
+    """Recognises a file by its first lines, or a folder by its first file; data.root must name what is given."""
 
     def recognises(path: Path) -> Path | None:
         try:

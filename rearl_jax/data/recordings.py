@@ -84,6 +84,8 @@ def data_id(data: DataConfig) -> str:
     parts = (data.window, data.section, data.stretch)
     if parts != (DataConfig.window, DataConfig.section, DataConfig.stretch):
         keys += parts
+    if data.ring is not None:
+        keys += (data.ring,)
     digest = hashlib.sha256(repr(keys).encode())
     for key in TABLE_KEYS:
         if given := getattr(data, key):
@@ -116,7 +118,7 @@ def _selected(data: DataConfig) -> list[Entry]:
     if isinstance(data, TableInMemory):
         entries = list(in_memory.entries(data))
     else:
-        for key in TABLE_KEYS:
+        for key in (*TABLE_KEYS, "ring"):
             if getattr(data, key) and data.format.name != "table":
                 message = "is for foreign tables: choose data=table, or leave it out"
                 problem = Problem("key-without-effect", message, key=f"data.{key}", value=f"data={data.format.name}")

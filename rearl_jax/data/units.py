@@ -38,12 +38,7 @@ def to_si(values: np.ndarray, unit: str) -> np.ndarray:
 
 
 def unit_named(text: str, kind: str) -> str | None:
-    """The unit of a kind that a text names, in any case of letters; None if it names no such unit.
-
-    Args:
-        text: Such as km/h or kmh.
-        kind: SI unit of the kind, a key of UNITS.
-    """
+    """The unit of a kind, a key of UNITS, that a text such as kmh names, in any case of letters; else None."""
     known = UNITS[kind]
     plain = SPELLINGS.get(text.lower(), text)
     if plain in known:
@@ -52,13 +47,9 @@ def unit_named(text: str, kind: str) -> str | None:
 
 
 def factor_of(text: str, kind: str) -> float | None:
-    """Factor to SI of a unit, which may be a multiple or reversed: `ft`, `0.1 s`, `-m`; None if it is not of the kind.
+    """Factor to SI of a unit of a kind, a key of UNITS, which may be a multiple or reversed: `ft`, `0.1 s`, `-m`.
 
-    A unit of time may be given by its rate: `25/s` is 0.04 s.
-
-    Args:
-        text: The unit.
-        kind: SI unit of the kind, a key of UNITS.
+    None if it is not of the kind. A unit of time may be given by its rate: `25/s` is 0.04 s.
     """
     found = _NUMBER_AND_UNIT.fullmatch(text.strip())
     if found is None:

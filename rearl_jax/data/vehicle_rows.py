@@ -15,12 +15,7 @@ def follows_row_before(track: np.ndarray) -> np.ndarray:
 
 
 def lane_steps(lane: np.ndarray, follows: np.ndarray) -> np.ndarray:
-    """Change of the lane from the row before, 0 where one of the two lanes is unknown (NaN).
-
-    Args:
-        lane: Lanes.
-        follows: Mask of the rows that continue the track of the row before; the others have no change.
-    """
+    """Change of the lane from the row before in rows that continue its track, else 0; 0 if a lane is unknown (NaN)."""
     steps = np.diff(lane, prepend=lane[:1])
     return np.where(follows & np.isfinite(steps), steps, 0.0)
 

@@ -1,4 +1,4 @@
-"""Rows of the canonical table that are made for a test."""
+"""Rows that are made or changed for a test."""
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,7 @@ def car_rows(
     lane_width: float = 3.5,
     direction: int = 1,
 ) -> pd.DataFrame:
-    """A car that keeps to the middle of its lane, from frame 0 on."""
+    """Canonical rows of a car that keeps to the middle of its lane, from frame 0 on."""
     across = lane_width * (lane + 0.5)
     return pd.DataFrame(
         {
@@ -33,3 +33,12 @@ def car_rows(
             "vehicle_class": "car",
         }
     )
+
+
+def with_values(rows: pd.DataFrame, row: int, **values) -> pd.DataFrame:
+    """The rows with other values of any type in one of them."""
+    changed = rows.copy()
+    for name, value in values.items():
+        changed[name] = changed[name].astype(object)
+        changed.loc[row, name] = value
+    return changed

@@ -1,6 +1,7 @@
 """The task `prepare`: tables, counts, scenes and summary of a data set."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -17,15 +18,17 @@ from rearl_jax.results import read_metadata
 from tests.refusal import refused
 
 
+def task(folder: Path, kind: DataFormat, name: str, n_vehicles: int = 4) -> PrepareTask:
+    """Recordings of a name in the folder are prepared into the study p there, with scenes of 3 s."""
+    scenes = ScenesConfig(seconds=3, min_vehicles=n_vehicles, slots=n_vehicles)
+    data = DataConfig(kind, str(folder / name))
+    return PrepareTask(study="p", results=ResultsConfig(str(folder)), data=data, scenes=scenes)
+
+
 def test_highd_files_become_tables_counts_and_scenes(highd_files, tmp_path):
     for number in ("01", "02"):
         highd_files(tmp_path / "in", number, seed=int(number))
-    config = PrepareTask(
-        study="p",
-        results=ResultsConfig(str(tmp_path)),
-        data=DataConfig(DataFormat.highd, str(tmp_path / "in")),
-        scenes=ScenesConfig(seconds=3, min_vehicles=4, slots=4),
-    )
+    config = task(tmp_path, DataFormat.highd, "in")
     summary = run(config)
     assert summary["n_scenes"] >= 2
     stored = json.loads((tmp_path / "p" / "summary.json").read_text())
@@ -49,14 +52,10 @@ def test_what_is_dropped_is_in_the_summary(highd_files, tmp_path):
     table = pd.read_csv(tracks)
     table.loc[5, "xVelocity"] = np.nan
     table.to_csv(tracks, index=False)
-    config = PrepareTask(
-        results=ResultsConfig(str(tmp_path)),
-        data=DataConfig(DataFormat.highd, str(tmp_path / "in")),
-        scenes=ScenesConfig(seconds=3, min_vehicles=4, slots=4),
-    )
+    config = task(tmp_path, DataFormat.highd, "in")
     with refused("not-finite", column="xVelocity", row=6):
         run(config)
-    assert not (tmp_path / "prepare" / "summary.json").exists()
+    assert not (tmp_path / "p" / "summary.json").exists()
     config.data.on_bad = BadRows.drop_track
     assert run(config)["dropped"] == {"not_finite": 150, "tracks": 1}
 
@@ -99,13 +98,7 @@ def test_recordings_whose_names_differ_by_case_only_have_tables_of_their_own_on_
     ahead = {name: timed_rows[name] + 5.0 for name in ("x", "position")}
     both = [timed_rows.assign(recording="Cam"), timed_rows.assign(recording="cam", **ahead)]
     pd.concat(both).to_csv(tmp_path / "a.csv", index=False)
-    config = PrepareTask(
-        study="p",
-        results=ResultsConfig(str(tmp_path)),
-        data=DataConfig(DataFormat.table, str(tmp_path / "a.csv")),
-        scenes=ScenesConfig(seconds=3, min_vehicles=2, slots=2),
-    )
-    run(config)
+    run(task(tmp_path, DataFormat.table, "a.csv", n_vehicles=2))
     tables = sorted((tmp_path / "p" / "tables").iterdir())
     assert len({file.name.lower() for file in tables}) == 2
     assert {next(iterate_recordings(DataConfig(DataFormat.table, str(file)))).info.id for file in tables} == {

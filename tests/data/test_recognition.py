@@ -15,6 +15,7 @@ from rearl_jax.data.readers import reader_of
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.survey.task import run
 from tests.data.formats import openacc_files, sumo_files, vissim_files
+from tests.data.formats.test_encodings import i24, ngsim_text, old_vissim, pneuma
 from tests.refusal import refused
 
 
@@ -45,15 +46,6 @@ def _vissim(folder: Path) -> Path:
     return vissim_files.write(folder, vissim_files.record_of(vissim_files.rows(2, 30))) / "run_001.fzp"
 
 
-def _old_vissim(folder: Path) -> Path:
-    return vissim_files.write(folder, vissim_files.old_record_of(vissim_files.rows(2, 30))) / "run_001.fzp"
-
-
-def _i24(folder: Path) -> Path:
-    sensor_layouts.write_i24(folder / "day.json", 1)
-    return folder / "day.json"
-
-
 def _i24_lines(folder: Path) -> Path:
     documents = map(sensor_layouts.i24_document, islice(sensor_layouts.traffic(1.0), 2))
     (folder / "day.json").write_text("\n".join(map(json.dumps, documents)))
@@ -66,13 +58,8 @@ def _tgsim(folder: Path) -> Path:
     return folder / "a.csv"
 
 
-def _pneuma(folder: Path) -> Path:
-    sensor_layouts.write_pneuma(folder / "20181024_d1_0830_0900.csv", 1)
-    return folder / "20181024_d1_0830_0900.csv"
-
-
 def _pneuma_of_spreadsheet(folder: Path) -> Path:
-    path = _pneuma(folder)
+    path = pneuma(folder)
     path.write_text(f"sep=;\n{path.read_text()}")
     return path
 
@@ -92,27 +79,22 @@ def _ngsim(folder: Path) -> Path:
     return folder / "a.csv"
 
 
-def _ngsim_text(folder: Path) -> Path:
-    (folder / "a.txt").write_text("  ".join(map(str, range(18))) + "\n")
-    return folder / "a.txt"
-
-
 WRITERS: list[tuple[str, Callable[[Path], Path]]] = [
     ("sumo", _sumo_xml),
     ("sumo", _sumo_packed),
     ("sumo", _sumo_csv),
     ("sumo", _sumo_parquet),
     ("vissim", _vissim),
-    ("vissim", _old_vissim),
-    ("i24", _i24),
+    ("vissim", old_vissim),
+    ("i24", i24),
     ("i24", _i24_lines),
     ("tgsim", _tgsim),
-    ("pneuma", _pneuma),
+    ("pneuma", pneuma),
     ("pneuma", _pneuma_of_spreadsheet),
     ("exid", _exid),
     ("openacc", _openacc),
     ("ngsim", _ngsim),
-    ("ngsim", _ngsim_text),
+    ("ngsim", ngsim_text),
 ]
 
 
@@ -134,7 +116,7 @@ def test_a_file_is_in_one_format_and_its_folder_too(name, write, tmp_path, capsy
 
 def test_a_packed_file_of_i24_is_known_although_it_must_be_unpacked(tmp_path):
     packed = tmp_path / "day.json.gz"
-    packed.write_bytes(gzip.compress(_i24(tmp_path).read_bytes()))
+    packed.write_bytes(gzip.compress(i24(tmp_path).read_bytes()))
     assert _recognised_by(packed) == {"i24": packed}
     with refused("not-json", file=str(packed)) as caught:
         next(iterate_recordings(DataConfig(DataFormat.i24, str(packed))))

@@ -8,7 +8,7 @@ import pytest
 
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.problems import BadRecordingError
-from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.data.survey.task import run
 from tests.refusal import refused
 
@@ -88,6 +88,16 @@ def test_stated_leaders_are_those_of_the_order(tmp_path):
     assert table["leader_id"].isna().all()
 
 
+def test_a_ring_and_a_road_with_two_ends_are_not_the_same_data(file):
+    ids = {data_id(DataConfig(DataFormat.table, str(file), ring=lap)) for lap in (None, LAP, LAP + 1.0)}
+    assert len(ids) == 3
+
+
+def test_a_ring_is_for_tables_only():
+    with refused("key-without-effect", key="data.ring"):
+        next(iterate_recordings(DataConfig(ring=LAP)))
+
+
 def test_the_circumference_is_found_and_said_in_the_command(file, capsys):
     record = run(str(file))
     words = dict(word.partition("=")[::2] for word in shlex.split(record["command"]) if "=" in word)
@@ -121,9 +131,11 @@ def test_a_vehicle_that_overtakes_is_refused(tmp_path):
         read(path, ring=LAP)
 
 
-def test_several_lanes_are_refused(tmp_path):
+def test_several_lanes_are_refused_and_unknown_ones_are_no_lane(tmp_path):
     path = tmp_path / "lanes.csv"
     rows = ring().drop(columns="along")
     rows.assign(lane=rows["track_id"] % 2).to_csv(path, index=False)
     with refused("ring-lanes", BadRecordingError, column="lane"):
         read(path, ring=LAP)
+    rows.assign(lane=np.where(rows["track_id"] == 2, np.nan, 0.0)).to_csv(path, index=False)
+    assert read(path, ring=LAP).table["lane"].eq(0).all()

@@ -9,7 +9,7 @@ from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.schema import COLUMNS, validate
 from rearl_jax.data.units import SI_FACTOR, to_si
 from rearl_jax.data.vehicle_classes import class_of
-from tests.data.changed_rows import with_values
+from tests.data.made_rows import with_values
 from tests.refusal import refused
 
 INFO = RecordingInfo(

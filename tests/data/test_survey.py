@@ -15,7 +15,7 @@ from rearl_jax.cli.command_line import main
 from rearl_jax.cli.composition import compose_task
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import iterate_recordings
-from rearl_jax.data.survey.command import command_of
+from rearl_jax.data.survey.report import command_of
 from rearl_jax.data.survey.task import recognised, run
 from rearl_jax.problems import MissingInputError
 from tests.data.survey_tables import TABLES, truth

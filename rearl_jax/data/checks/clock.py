@@ -39,12 +39,7 @@ def period_of(track: np.ndarray, frame: np.ndarray, time: np.ndarray) -> tuple[f
     """Time between two frames and its uncertainty, in the unit of the times; None if no track determines it.
 
     The period follows from the ends of tracks, because rounding errors matter less over a long time. It is refined on
-    the whole recording if all tracks share a clock.
-
-    Args:
-        track: Vehicle of each row.
-        frame: Frame of each row.
-        time: Time of each row; rows whose time is not finite are ignored.
+    the whole recording if all tracks share a clock. Rows in which a value is not finite are ignored.
     """
     known = np.flatnonzero(np.isfinite(track) & np.isfinite(frame) & np.isfinite(time))
     order = known[np.lexsort((frame[known], track[known]))]
@@ -89,12 +84,7 @@ def _spacing_of_singles(time: np.ndarray) -> float:
 
 
 def rate_of(period: float, uncertainty: float) -> float:
-    """Frame rate [1/s]: the most usual one within the uncertainty of the period.
-
-    Args:
-        period: Time between two frames [s].
-        uncertainty: Largest error of the period [s].
-    """
+    """Frame rate [1/s]: the most usual one within the uncertainty of the period between two frames, both in s."""
     for rates in (STANDARD_RATES, NTSC_RATES):
         rate = min(rates, key=lambda rate: abs(1.0 / rate - period))
         if abs(1.0 / rate - period) <= uncertainty + 1e-9 * period:
@@ -133,10 +123,7 @@ def frames_of(track: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, float] |
     """Frame of each row, counted from the first time, and the frame interval in the unit of the times.
 
     None if the times of a track do not rise by multiples of one step, for example because they are rounded too much.
-
-    Args:
-        track: Vehicle of each row.
-        time: Time of each row; where it is not finite the frame is NaN.
+    Where a time is not finite, the frame is NaN.
     """
     known = np.flatnonzero(np.isfinite(track) & np.isfinite(time))
     order = known[np.lexsort((time[known], track[known]))]

@@ -24,11 +24,8 @@ class Copies:
     def checked(self, recording: Recording, file: Path | None) -> Recording:
         """The recording, whose tracks are stored; with a note if it is a slightly changed copy of an earlier one.
 
-        The note is for published data: OpenACC contains a platoon at ZalaZone (parts 22, 23) twice, 21 m apart.
-
-        Args:
-            recording: The recording.
-            file: File of the user that holds the recording; None for a part of a published data set.
+        The note is for published data: OpenACC contains a platoon at ZalaZone (parts 22, 23) twice, 21 m apart. `file`
+        is the file of the user that holds the recording; None for a part of a published data set.
 
         Raises:
             InvalidInputError: One recording contains all tracks of the other, or most vehicles have the same speeds as

@@ -15,12 +15,7 @@ _ROUNDING = 1e-3  # frames; error of a time that has been rounded
 
 
 def frame_rate_of(steps: np.ndarray, file: Path | str, column: str) -> float:
-    """Frames per second [1/s]: the usual rate nearest to the median step.
-
-    Args:
-        steps: Times from one row of a vehicle to the next [s]; steps that are not positive are ignored.
-        file: For messages.
-        column: Name of the column of times, for messages.
+    """Frames per second [1/s]: the usual rate nearest to the median of the positive steps [s] along tracks.
 
     Raises:
         BadRecordingError: The times are not in seconds, or no vehicle has two rows.
@@ -66,10 +61,9 @@ def between_frames(n_vehicles: int) -> str:
 
 
 def phase_of(frames: np.ndarray) -> float:
-    """Distance of most frames from whole numbers, -0.5 to 0.5, by the mean direction on the circle of one frame.
+    """Distance of most times, in frame intervals, from whole numbers, -0.5 to 0.5: the median direction on a circle.
 
-    Args:
-        frames: Times in frame intervals; those that are not finite are ignored.
+    Times that are not finite are ignored.
     """
     angle = 2.0 * np.pi * (frames[np.isfinite(frames)] % 1.0)
     if not angle.size:

@@ -49,15 +49,10 @@ def labelled(table: pd.DataFrame, info: RecordingInfo) -> pd.DataFrame:
 
 
 def track_labels(recordings: Sequence[Recording], name: str, key: str) -> list[pd.Series]:
-    """A label of the tracks of each recording, by track_id: texts, None where it is unknown.
-
-    Args:
-        recordings: The recordings.
-        name: A label, or one of CANONICAL.
-        key: Configuration key that names the label, for the message.
+    """A label of the tracks of each recording, or one of CANONICAL, by track_id: texts, None where it is unknown.
 
     Raises:
-        InvalidInputError: No recording has the label.
+        InvalidInputError: No recording has the label that the configuration key names.
     """
     if name in CANONICAL:
         return [_of_canonical(recording, name) for recording in recordings]

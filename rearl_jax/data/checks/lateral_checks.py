@@ -53,10 +53,7 @@ def wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
 def lane_middles(lane: np.ndarray, lateral: np.ndarray, min_rows: int = 1) -> tuple[np.ndarray, np.ndarray]:
     """Numbers of the lanes in ascending order, and the median lateral position of the rows in each.
 
-    Args:
-        lane: Lane of each row; NaN where it is unknown.
-        lateral: Lateral position of each row; NaN where it is unknown.
-        min_rows: Smallest number of rows with both for a lane to count.
+    A lane counts if at least `min_rows` rows have both values, which are NaN where they are unknown.
     """
     known = np.isfinite(lateral) & np.isfinite(lane)
     lanes, counts = np.unique(lane[known], return_counts=True)

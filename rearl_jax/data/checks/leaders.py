@@ -1,9 +1,10 @@
-"""Checks of the leaders that a source states: whether each can be a leader, and whether all leaders are stated."""
+"""Leaders that a source states: which ids mean no leader, whether each can be a leader, and whether all are stated."""
 
 import numpy as np
 import pandas as pd
 
 from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.placeholders import is_placeholder
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.vehicle_rows import ABSENT, VehicleRows
@@ -22,6 +23,31 @@ COMPLETE_SHARE = 0.5
 In tables of leader-follower pairs it is 0.70 (NGSIM I-80 with lateral positions) or more, not 1, because the leader of
 a pair has no leader in the table.
 """
+
+
+def is_absent(leader: np.ndarray, track: np.ndarray) -> np.ndarray:
+    """Mask of the ids of leaders that are 0, -1 or another placeholder, and the id of no vehicle."""
+    return ((leader == 0.0) | is_placeholder(leader)) & ~np.isin(leader, track)
+
+
+def without_absent(
+    leader: np.ndarray, *, track: np.ndarray, frame: np.ndarray, lane: np.ndarray, position: np.ndarray
+) -> np.ndarray:
+    """Ids of leaders as float64, NaN for 0, -1 or another placeholder that is the id of no vehicle.
+
+    The formats write 0 where there is no leader. If a vehicle has the id 0, it is the leader of the vehicles behind it
+    in its lane that state 0; for other rows 0 means no leader. Lanes of the two carriageways must have different
+    numbers, and positions must rise in driving direction.
+    """
+    leader = leader.astype(np.float64)
+    is_none = is_absent(leader, track)
+    rows, zero = np.flatnonzero(leader == 0.0), np.flatnonzero(track == 0)
+    if rows.size and zero.size:
+        zero = zero[np.argsort(frame[zero], kind="stable")]
+        found = zero[np.minimum(np.searchsorted(frame[zero], frame[rows]), len(zero) - 1)]
+        is_ahead = (frame[found] == frame[rows]) & (lane[found] == lane[rows]) & (position[found] > position[rows])
+        is_none[rows[~is_ahead]] = True
+    return np.where(is_none, np.nan, leader)
 
 
 def wrong_leader(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
@@ -73,9 +99,7 @@ def next_in_lane(table: pd.DataFrame) -> np.ndarray:
 def states_all_leaders(in_lane: np.ndarray, stated: np.ndarray) -> bool:
     """True if the stated leaders count as complete, so that a vehicle without a stated leader has none.
 
-    Args:
-        in_lane: Row of the next vehicle ahead in the lane, ABSENT if there is none.
-        stated: Row of the stated leader, ABSENT if there is none.
+    The arguments are the rows of the next vehicle ahead in the lane and of the stated leader, ABSENT for none.
     """
     is_stated = stated != ABSENT
     has_one = in_lane != ABSENT
@@ -117,13 +141,8 @@ def notes_on_leaders(table: pd.DataFrame) -> list[str]:
 def _in_other_lane(table: pd.DataFrame, stated: np.ndarray, other: np.ndarray, frame_rate: float) -> np.ndarray:
     """Mask of the rows of pairs that are never in the same lane and last longer than LANE_CHANGE.
 
-    Where a lane is not known, lateral positions tell whether one vehicle drives beside the other.
-
-    Args:
-        table: Canonical table.
-        stated: Mask of the rows with a leader.
-        other: Row of the leader at the same frame.
-        frame_rate: Frames per second [1/s].
+    Where a lane is not known, lateral positions tell whether one vehicle drives beside the other. `stated` marks the
+    rows with a leader, which is in the row `other` at the same frame.
     """
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     lateral = table["lateral"].to_numpy()

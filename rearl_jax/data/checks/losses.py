@@ -55,14 +55,9 @@ def stop_or_count(
 def reject(
     table: pd.DataFrame, finding: Finding | None, info: RecordingInfo, policy: DataConfig, losses: Losses
 ) -> pd.DataFrame:
-    """The table without what the finding marks; the loss is counted.
+    """The table without what the finding marks; the loss is counted in `losses`.
 
-    Args:
-        table: Rows, with the row numbers of the source (from 0) as index.
-        finding: The fault; None for none.
-        info: Recording, for its file.
-        policy: `on_bad` decides what happens.
-        losses: Counts of the recording, changed in place.
+    The index of the table holds the row numbers of the source, from 0.
 
     Raises:
         BadRecordingError: data.on_bad is stop, or nothing is left.
@@ -111,11 +106,7 @@ def split_tracks(table: pd.DataFrame, starts: np.ndarray) -> pd.DataFrame:
     """The table in which a track ends before each marked row and continues under a new id.
 
     New ids follow the largest one. `leader_id` follows the vehicle to its new id frame by frame, and becomes unknown if
-    the leader has no row. The result is sorted by (track_id, frame).
-
-    Args:
-        table: Rows sorted by (track_id, frame).
-        starts: Mask of the rows before which a track ends.
+    the leader has no row. The table is sorted by (track_id, frame), and so is the result.
     """
     if table.empty:
         return table
@@ -134,11 +125,7 @@ def split_tracks(table: pd.DataFrame, starts: np.ndarray) -> pd.DataFrame:
 def _followed_leader(table: pd.DataFrame, old: np.ndarray, new: np.ndarray, split: np.ndarray) -> pd.Series:
     """`leader_id` of each row, in which the ids of split tracks are replaced by their new ones at the row's frame.
 
-    Args:
-        table: Rows with their former leaders.
-        old: Former track_id of each row.
-        new: New track_id of each row.
-        split: Former ids of the tracks that were split.
+    `old` and `new` are the track_id of each row before and after, `split` the former ids of the split tracks.
     """
     # Through float64: ids are far below 2^53, and NaN stands for unknown.
     leader = table["leader_id"].to_numpy(dtype=np.float64, na_value=np.nan, copy=True)

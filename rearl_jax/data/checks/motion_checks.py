@@ -45,6 +45,17 @@ ACCELERATION_SCALE = (0.25, 1.8)
 Outside of this range the sign or the unit is wrong. Measured: 0.39 to 1.28 for the tracks of NGSIM and FHWA; NGSIM's
 accelerations are clipped.
 """
+MAX_BACKWARD = 1.0
+"""Largest backward speed [m/s] that errors of tracking and of satellite receivers give to standing vehicles; noise of
+receivers is 0.07 m/s in OpenACC.
+"""
+
+
+def standing(speed: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """The speeds with 0 in place of small negative ones, and a note that states their number [m/s]."""
+    backward = (speed < 0.0) & (speed >= -MAX_BACKWARD)
+    notes = [f"{int(backward.sum())} speeds between -{MAX_BACKWARD:g} and 0 m/s set to 0"] if backward.any() else []
+    return np.where(backward, 0.0, speed), notes
 
 
 def wrong_motion(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:

@@ -184,8 +184,7 @@ def _states_lanes(table: pd.DataFrame) -> bool:
 def _next_overlapping_laterally(table: pd.DataFrame) -> np.ndarray:
     """Row of the next vehicle ahead if both overlap laterally, for rows without a lane; ABSENT otherwise.
 
-    In a table without lanes, lateral positions and leaders, all vehicles are assumed to be
-    in one lane.
+    In a table without lanes, lateral positions and leaders, all vehicles are assumed to be in one lane.
     """
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     frame, direction = table["frame"].to_numpy(), table["direction"].to_numpy()

@@ -61,15 +61,7 @@ def scale_of(values: np.ndarray, reference: np.ndarray) -> tuple[float, float] |
 
 
 def require_period(time: np.ndarray, track: np.ndarray, period: float, file: str, column: str) -> None:
-    """Raise BadRecordingError unless the rows of a track are mostly one period apart.
-
-    Args:
-        time: Times of each row [s]; the rows of a track in the order of time.
-        track: Vehicle of each row.
-        period: Time between two frames [s].
-        file: For the message.
-        column: Name of the column of times, for the message.
-    """
+    """Raise BadRecordingError unless the rows of a track, in the order of time [s], are mostly one period [s] apart."""
     known = np.isfinite(time)
     steps = np.diff(time[known])[follows_row_before(track[known])[1:]]
     median = float(np.median(steps)) if steps.size else period

@@ -118,13 +118,7 @@ def read_below(
 
 
 def first_rows(path: Path, number: int) -> tuple[pd.DataFrame, int]:
-    """The first rows of a CSV file as texts, and how many lines among them are broken.
-
-    Numbers have a decimal point.
-
-    Args:
-        path: The file.
-        number: Largest number of rows.
+    """The first rows of a CSV file as texts, numbers with a decimal point, and how many lines among them are broken.
 
     Raises:
         BadRecordingError: The file is empty, damaged or not text.
@@ -157,14 +151,7 @@ def _lines_of(path: Path, names: list[str]) -> "_Lines":
 def read_blank_separated(
     path: Path, names: Sequence[str], columns: dict[str, pa.DataType], on_bad: BadRows
 ) -> tuple[pa.Table, int]:
-    """The named columns and the number of skipped lines, for a file without header and with blanks between fields.
-
-    Args:
-        path: The file.
-        names: Names of all its columns.
-        columns: Name and type of every column to read.
-        on_bad: stop makes a broken line an error.
-    """
+    """As `read_csv` for a file without header and with blanks between fields; `names` are those of all its columns."""
     with readable(path), text_of(path) as file:
         content = "\n".join(",".join(line.split()) for line in file).encode()
     return _Lines(path, list(names), content).table(columns, on_bad)

@@ -38,16 +38,10 @@ def visible_files(root: Path, endings: Sequence[str]) -> list[Path]:
 
 
 def named_files(root: Path, endings: Sequence[str], wanted: str, usual: str) -> list[Path]:
-    """The file that is named, or the visible files of the folder.
-
-    Args:
-        root: File or folder.
-        endings: Endings of the names of recordings.
-        wanted: Description of the file or folder that `data.root` must name.
-        usual: The usual endings in words, such as `.csv or .txt`.
+    """The file that is named, or the visible files of the folder whose names have one of the endings.
 
     Raises:
-        MissingInputError: There is none.
+        MissingInputError: There is none; it says what is `wanted`, and the `usual` endings, such as `.csv or .txt`.
     """
     if root.is_file():
         return [_with_text_name(root)]
@@ -99,7 +93,7 @@ def only_parquet(root: Path, wanted: str) -> Path:
     """The one Parquet file in the folder.
 
     Raises:
-        MissingInputError: There is none, or more than one; `wanted` states what `data.root` must name.
+        MissingInputError: There is none, or more than one.
     """
     files = visible_files(root, (".parquet",))
     if len(files) != 1:
@@ -128,13 +122,9 @@ def is_visible(file: Path) -> bool:
 
 
 def recordings_missing(found: str, root: Path, wanted: str, endings: Sequence[str] = ()) -> MissingInputError:
-    """The error for a folder without the wanted recordings.
+    """The error for a folder that holds `found`, such as `no .csv`, and not what is `wanted`.
 
-    Args:
-        found: What the folder holds, such as `no .csv`.
-        root: The folder.
-        wanted: Description of the file or folder that `data.root` must name.
-        endings: Endings of the names of recordings, by which subfolders with recordings are found and named.
+    Subfolders that hold files with one of the endings are named.
     """
     message = f"{found}: data.root must name {wanted}{_hint(root, endings)}"
     return MissingInputError(Problem("recordings-missing", message, file=str(root)))

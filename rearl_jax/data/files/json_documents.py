@@ -104,14 +104,8 @@ def _spans(text: bytes) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _require_json(text: bytes, begins: np.ndarray, ends: np.ndarray, offset: int, path: Path) -> None:
-    """Raise BadRecordingError if there is anything except commas and blanks between objects.
-
-    Args:
-        text: Part of the file.
-        begins: Beginnings of the objects in it.
-        ends: Their ends.
-        offset: Byte offset of the text in the file.
-        path: The file.
+    """Raise BadRecordingError if there is anything except commas and blanks between the objects of a text, which is the
+    part of the file from the byte `offset` on.
     """
     before = np.concatenate([[0], ends])[: begins.size]
     for start, stop in zip(before, begins, strict=True):
@@ -148,11 +142,7 @@ def read_documents(path: Path, starts: Sequence[int], sizes: Sequence[int]) -> l
 def parsed(texts: Sequence[bytes], fields: dict[str, pa.DataType]) -> tuple[pa.Table, np.ndarray]:
     """Fields of documents, null where a document lacks one, and the mask of those that cannot be parsed.
 
-    Documents that cannot be parsed have no row in the table.
-
-    Args:
-        texts: The documents.
-        fields: Name and type of each field; a document with a value of another type cannot be parsed.
+    Documents that cannot be parsed, because they are damaged or a field has another type, have no row in the table.
     """
     schema = pa.schema(list(fields.items()))
     table = _table(b"\n".join(texts), schema)

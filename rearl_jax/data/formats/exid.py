@@ -17,12 +17,11 @@ import pyarrow.compute as pc
 
 from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.losses import Losses, reject
+from rearl_jax.data.checks.motion_checks import standing
 from rearl_jax.data.checks.placeholders import nowhere
-from rearl_jax.data.checks.recorded_tracks import whole_tracks
 from rearl_jax.data.files.delimited import read_csv, read_header
-from rearl_jax.data.formats.backward_speeds import standing
 from rearl_jax.data.formats.highd import number_of, recording_files
-from rearl_jax.data.formats.highd_meta import read_tracks_meta, sound_frame_rate, sound_speed_limit
+from rearl_jax.data.formats.highd_meta import read_tracks_meta, sound_frame_rate, sound_speed_limit, whole_tracks
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.roads.straightened import Straightened, leave_out, straightened
 from rearl_jax.data.schema import Recording, RecordingInfo, validate

@@ -8,6 +8,7 @@ under adaptive cruise control; github.com/usdot-fhwa-stol, Apache 2.0.
 """
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -38,10 +39,8 @@ COLUMNS = (*_TEXTS, *_NUMBERS)
 """Columns by which a file is recognised."""
 _MAX_ID = 1e9
 
-
-def find_pairs(root: Path) -> Path:
-    """The Parquet file of pairs in the folder; MissingInputError if there is none, or more than one."""
-    return only_parquet(root, f"the folder with the one file of FHWA's pairs, columns {', '.join(COLUMNS)}")
+find_pairs = partial(only_parquet, wanted=f"the folder with the one file of FHWA's pairs, columns {', '.join(COLUMNS)}")
+"""The Parquet file of pairs in the folder; MissingInputError if there is none, or more than one."""
 
 
 def pairs_recordings(path: Path) -> dict[str, str]:

@@ -14,13 +14,12 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data.checks.leader_ids import without_absent
+from rearl_jax.data.checks.leaders import without_absent
 from rearl_jax.data.checks.losses import Losses, reject
-from rearl_jax.data.checks.recorded_tracks import whole_tracks
 from rearl_jax.data.checks.typed_table import RANGES
 from rearl_jax.data.files.delimited import read_csv, read_header
 from rearl_jax.data.files.folder import recordings_missing, tell_of_others_below, visible_files
-from rearl_jax.data.formats.highd_meta import read_recording_meta, read_tracks_meta
+from rearl_jax.data.formats.highd_meta import read_recording_meta, read_tracks_meta, whole_tracks
 from rearl_jax.data.problems import Finding, bad_recording, file_missing, without_value
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
@@ -126,12 +125,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
 
     With c the centre of the bounding box and L the largest box edge of the recording: direction 2 drives to
     the right, position = c_x, lateral = c_y - first lower marking; direction 1 drives to the left, position
-    = L - c_x, lateral = last upper marking - c_y. speed = |xVelocity|.
-
-    Args:
-        tracks_file: NN_tracks.csv, the other two files lie beside it.
-        policy: Treatment of bad rows.
-        generated: The files were written by the generator.
+    = L - c_x, lateral = last upper marking - c_y. speed = |xVelocity|. The other two files lie beside the tracks file.
 
     Raises:
         FileNotFoundError: One of the three files is missing.

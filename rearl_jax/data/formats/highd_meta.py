@@ -1,4 +1,6 @@
-"""The two small files of a highD recording: NN_recordingMeta.csv and NN_tracksMeta.csv."""
+"""The two small files of a recording of highD or exiD, NN_recordingMeta.csv and NN_tracksMeta.csv, and the check that
+its rows are those of the tracks that are listed there.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,11 +10,11 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import BadRows, DataConfig
-from rearl_jax.data.checks.losses import Losses
+from rearl_jax.data.checks.losses import Losses, reject
 from rearl_jax.data.checks.unit_checks import LANE_WIDTH
 from rearl_jax.data.files.delimited import read_csv, read_header
-from rearl_jax.data.problems import DROP_HINT, bad_recording, require_columns
-from rearl_jax.data.records import SPEED_LIMITS
+from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, require_columns, without_value
+from rearl_jax.data.records import SPEED_LIMITS, RecordingInfo
 from rearl_jax.data.vehicle_classes import CLASSES, classes_of
 
 _REQUIRED = ("frameRate", "upperLaneMarkings", "lowerLaneMarkings")
@@ -28,12 +30,8 @@ _TRACKS_META = {
 
 @dataclass(frozen=True)
 class RecordingMeta:
-    """Content of NN_recordingMeta.csv.
-
-    Attributes:
-        frame_rate: Frames per second [1/s].
-        speed_limit: [m/s]; None if there is none.
-        markings: y of the lane markings per direction [m], ascending; y points down, the first is the topmost.
+    """Content of NN_recordingMeta.csv: frame rate [1/s], speed limit [m/s] if there is one, and for each direction y of
+    the lane markings [m], ascending; y points down, so that the first is the topmost.
     """
 
     frame_rate: float
@@ -133,3 +131,45 @@ def read_tracks_meta(path: Path, policy: DataConfig, losses: Losses) -> pd.DataF
             text = f"track {meta['id'].iloc[row]} {message} ({meta[column].astype(object).iloc[row]!r})"
             raise bad_recording(code, text, remedy, path, column=track if column == "id" else column, row=row + 1)
     return meta.set_index("id")
+
+
+def whole_tracks(
+    rows: pd.DataFrame, meta: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses
+) -> pd.DataFrame:
+    """The rows of tracks with all frames that NN_tracksMeta.csv states; tracks that are only listed there are counted.
+
+    Raises:
+        BadRecordingError: A row has no track, its track is not listed or lacks frames, or a listed track has no row,
+            and data.on_bad is stop; or nothing is left.
+    """
+    rows = reject(rows, without_value(rows, "track_id"), info, policy, losses).astype({"track_id": np.int64})
+    absent = np.setdiff1d(meta.index.to_numpy(), rows["track_id"].to_numpy())
+    if absent.size and policy.on_bad is BadRows.stop:
+        text = f"{absent.size} tracks of the meta file have no row, the first is {absent[0]}"
+        remedy = f"the file is cut off: copy it again{DROP_HINT}"
+        raise bad_recording("tracks-without-rows", text, remedy, info.file, column=info.columns["track_id"])
+    losses.count("tracks_without_rows", int(absent.size))
+    rows = reject(rows, _not_in_meta(rows, meta), info, policy, losses)
+    return reject(rows, _truncated(rows, meta), info, policy, losses)
+
+
+def _not_in_meta(rows: pd.DataFrame, meta: pd.DataFrame) -> Finding | None:
+    """Rows whose track is not listed in NN_tracksMeta.csv."""
+    track = rows["track_id"].to_numpy()
+    unknown = ~np.isin(track, meta.index.to_numpy())
+    if not unknown.any():
+        return None
+    text = f"track {track[np.argmax(unknown)]} is not in the meta file"
+    return Finding("track_without_meta", "track_id", unknown, text, "complete the meta file")
+
+
+def _truncated(rows: pd.DataFrame, meta: pd.DataFrame) -> Finding | None:
+    """Rows of tracks that have fewer frames than NN_tracksMeta.csv states."""
+    ids, which, counts = np.unique(rows["track_id"].to_numpy(), return_inverse=True, return_counts=True)
+    stated = meta["numFrames"].reindex(ids).to_numpy()
+    short = counts < stated
+    if not short.any():
+        return None
+    first = which[np.argmax(short[which])]
+    text = f"track {ids[first]} has {counts[first]} of the {stated[first]} frames that the meta file states"
+    return Finding("truncated", "track_id", short[which], text, "the file is cut off: copy it again")

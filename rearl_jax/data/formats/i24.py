@@ -10,6 +10,7 @@ Transportation Research Part C 155 (2023) 104311; github.com/I24-MOTION/data_tut
 
 import re
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,15 +19,16 @@ import pandas as pd
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.frame_rates import MAX_FRAME_OFFSET, between_frames
 from rearl_jax.data.checks.losses import Losses, reject
+from rearl_jax.data.checks.motion_checks import standing
 from rearl_jax.data.checks.typed_table import unknown_class
 from rearl_jax.data.files.content import in_utf8
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.json_documents import parsed, read_documents
 from rearl_jax.data.files.text_layout import readable
-from rearl_jax.data.formats.backward_speeds import standing
 from rearl_jax.data.formats.i24_index import FEET, FIELDS, LANE, OPTIONAL, Cell, Index, Tracks, index_of
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.problems import out_of_range
 
 LICENCE = "on request from i24motion.org, no redistribution"
 ATTRIBUTION = (
@@ -53,15 +55,13 @@ _SPELLING = {
     "vehicle_class": "coarse_vehicle_class",
 }
 
-
-def find_files(root: Path) -> list[Path]:
-    """The .json files in the folder, or the one file that is named.
-
-    Raises:
-        FileNotFoundError: There is none.
-    """
-    wanted = "the folder with the trajectories of I-24 MOTION INCEPTION, as JSON"
-    return named_files(root, (".json", ".jsonl", ".ndjson"), wanted, ".json")
+find_files = partial(
+    named_files,
+    endings=(".json", ".jsonl", ".ndjson"),
+    wanted="the folder with the trajectories of I-24 MOTION INCEPTION, as JSON",
+    usual=".json",
+)
+"""The .json files in the folder, or the one file that is named; FileNotFoundError if there is none."""
 
 
 def is_one(path: Path) -> bool:
@@ -78,11 +78,16 @@ def cells(path: Path, policy: DataConfig) -> dict[str, Cell]:
 
     Raises:
         BadRecordingError: The file holds no documents of I-24 MOTION, or one is broken and data.on_bad is stop.
+        InvalidInputError: data.window or data.section is so short that two recordings would have one name.
     """
     index = index_of(path, policy)
     if not index.cells:
         raise bad_recording("no-rows", "the file has no sound document", "remove the file or copy it again", path)
-    return {_name(cell, path, policy): cell for cell in sorted(index.cells)}
+    cell_of = {_name(cell, path, policy): cell for cell in sorted(index.cells)}
+    if len(cell_of) < len(index.cells):
+        message = "must be at least 17 m, and data.window at least 1 s, so that every recording has a name of its own"
+        raise out_of_range("data.section", message, policy.section)
+    return cell_of
 
 
 def read_cell(path: Path, recording: str, cell: Cell, policy: DataConfig) -> Recording:

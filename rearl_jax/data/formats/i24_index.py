@@ -70,14 +70,9 @@ class Index:
     dropped: Counter[str] = field(default_factory=Counter)
 
     def leave_out(self, cause: str, number: int, document: int, text: str, column: str | None = None) -> None:
-        """Counts documents that are left out.
+        """Counts documents that are left out; `document` is the place of the first of them in the file, from 0.
 
-        Args:
-            cause: Key of the count; with hyphens for underscores also the code of the problem.
-            number: How many.
-            document: Number of the first of them in the file, from 0.
-            text: The fault.
-            column: Field at fault.
+        The cause, with hyphens for underscores, is also the code of the problem.
 
         Raises:
             BadRecordingError: on_bad is stop.
@@ -92,11 +87,7 @@ class Index:
 
 
 def index_of(path: Path, policy: DataConfig) -> Index:
-    """The index of a file, built again only if the file has changed.
-
-    Args:
-        path: The file.
-        policy: `window` and `section`, the lengths of time [s] and road [m] of a recording, and `on_bad`.
+    """The index of a file, built again only if the file or `window`, `section` or `on_bad` has changed.
 
     Raises:
         BadRecordingError: The file holds no documents of I-24 MOTION, a unit is wrong, or a document is broken and
@@ -209,14 +200,7 @@ def _cell(values: np.ndarray, length: float | None) -> np.ndarray:
 
 
 def _add_to_index(index: Index, keys: np.ndarray, number: np.ndarray, sound: np.ndarray) -> None:
-    """Adds documents to the index, under the windows and sections of their rows.
-
-    Args:
-        index: Changed in place.
-        keys: Cell of each row.
-        number: Document of each row.
-        sound: Mask of the rows to add.
-    """
+    """Adds the documents of sound rows to the index; each row has its cell in `keys` and its document in `number`."""
     new = np.ones(len(keys), dtype=bool)
     new[1:] = (keys[1:] != keys[:-1]).any(axis=1) | (number[1:] != number[:-1])
     rows = np.flatnonzero(new & sound)
@@ -229,13 +213,9 @@ def _add_to_index(index: Index, keys: np.ndarray, number: np.ndarray, sound: np.
 
 
 def _sound(index: Index, table: pa.Table, numbers: np.ndarray, known_ids: set[str]) -> tuple[pa.Table, np.ndarray]:
-    """The documents that can be placed in time and on the road, and their numbers in the file.
+    """The documents of a block that can be placed in time and on the road, and their numbers in the file.
 
-    Args:
-        index: The losses are counted here.
-        table: Documents of one block.
-        numbers: Their numbers in the file.
-        known_ids: Ids of the documents read so far; those of the block are added.
+    Losses are counted in the index; `known_ids`, those of the documents read so far, get those of the block.
     """
 
     def missing(name: str) -> np.ndarray:

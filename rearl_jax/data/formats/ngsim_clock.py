@@ -25,9 +25,8 @@ _MAX_STANDING = 0.5  # largest share of frames with the same time as the frame b
 def recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
     """Recording id -> its row positions; empty if all rows are of arterials.
 
-    Args:
-        rows: Columns `track_id`, `frame`, `global_time` and perhaps `location`; the index holds the rows of the file.
-        path: The file, whose name may state the place.
+    The rows have the columns `track_id`, `frame`, `global_time` and perhaps `location`; without it the name of the file
+    states the place. The index holds the rows of the file.
 
     Raises:
         BadRecordingError: Times are in another unit, a time is impossible, or it belongs to another frame or place than

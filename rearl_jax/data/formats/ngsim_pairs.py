@@ -1,13 +1,17 @@
-"""Reader of NGSIM I-80 leader-follower pairs: one row holds follower and leader at one time.
+"""Reader of NGSIM I-80 leader-follower pairs, with and without lateral positions: a row holds both at one time.
 
 A recording is the union of the members of its pairs. A vehicle that is in several pairs appears once per
 frame; a vehicle that leaves the pairs and returns later gets a new id.
 
-Source: NGSIM I-80, DOI 10.21949/1504477, reconstructed trajectories, arXiv 2201.04755.
+The table with lateral positions, widths and classes is raw NGSIM in SI units, one recording from 4:00 to 4:15 pm. Only
+its followers have a lateral position; a vehicle that is only a leader has none.
+
+Source: NGSIM I-80, DOI 10.21949/1504477; without lateral positions reconstructed trajectories, arXiv 2201.04755.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +23,7 @@ from rearl_jax.data.checks.stray_rows import require_own_runs
 from rearl_jax.data.checks.unit_checks import MEDIAN_SIZE, require_period
 from rearl_jax.data.files.columnar import column_names, read_columns
 from rearl_jax.data.files.folder import only_parquet
-from rearl_jax.data.formats.ngsim import ATTRIBUTION, FRAME_RATE, LANES, LICENCE
+from rearl_jax.data.formats.ngsim import ATTRIBUTION, CLASSES, FRAME_RATE, LANES, LICENCE
 from rearl_jax.data.problems import Finding, bad_recording, require_columns, source_row
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.vehicle_rows import follows_row_before
@@ -28,14 +32,21 @@ TRUCK_LENGTH = 7.0  # m; the lengths of I-80 leaders have a gap between 6.8 m (c
 _NUMBERS = "follower leader t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2 leader_length_m lane".split()
 COLUMNS = ("run", *_NUMBERS)
 """Columns by which a file is recognised."""
+LATERAL_RECORDING = "i80_0400"
+
+_OF_BOTH = "follower leader frame lane".split()
+_OF_FOLLOWER = "x_f_m y_f_m v_f_mps a_f_mps2 length_f_m width_f_m class_f".split()
+_OF_LEADER = "y_l_m v_l_mps a_l_mps2 leader_length_m leader_width_m class_l".split()
+LATERAL_COLUMNS = (*_OF_BOTH, *_OF_FOLLOWER, *_OF_LEADER)
+"""Columns by which a file is recognised, all of numbers."""
+_WANTED = "the folder with the one file of leader-follower pairs, columns "
+find_pairs = partial(only_parquet, wanted=_WANTED + ", ".join(COLUMNS))
+"""The Parquet file of pairs in the folder; MissingInputError if there is none, or more than one."""
+find_lateral = partial(only_parquet, wanted=_WANTED + ", ".join(LATERAL_COLUMNS))
+"""The same for pairs with lateral positions."""
 _MAX_ID = 1e12
 _MAX_TIME = 1e7  # s, more than any recording lasts
 _SHARED_TOLERANCE = 0.01  # m; largest difference of a vehicle's position or length between its pairs
-
-
-def find_pairs(root: Path) -> Path:
-    """The Parquet file of pairs in the folder; MissingInputError if there is none, or more than one."""
-    return only_parquet(root, f"the folder with the one file of leader-follower pairs, columns {', '.join(COLUMNS)}")
 
 
 def pairs_recordings(path: Path) -> dict[str, str]:
@@ -53,11 +64,7 @@ def pairs_recordings(path: Path) -> dict[str, str]:
 def runs_of(path: Path, column: str, vehicle: str, columns: Sequence[str]) -> list[str]:
     """Runs of a table of pairs, by name.
 
-    Args:
-        path: The file.
-        column: Column of the runs.
-        vehicle: Column of numbers of vehicles or pairs.
-        columns: All columns that the table must have.
+    `column` is that of the runs, `vehicle` that of numbers of vehicles or pairs; the table must have all `columns`.
 
     Raises:
         BadRecordingError: A column is missing, a row has no run or seems to have that of others, or there are no rows.
@@ -104,15 +111,54 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     return joined_pairs(pairs, info, policy)
 
 
-def joined_pairs(pairs: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Recording:
-    """The recording that consists of the vehicles of all pairs.
+def lateral_recordings(path: Path) -> dict[str, None]:
+    """The one recording of the table."""
+    require_columns(column_names(path), LATERAL_COLUMNS, path)
+    return {LATERAL_RECORDING: None}
 
-    Args:
-        pairs: The columns that `read_pairs` reads. Optional columns of the follower (`f`) and the leader (`l`):
-            `length_f_m`, `width_f_m`, `width_l_m`, `class_f`, `class_l` (classes of the canonical table), and `x_f_m`,
-            lateral positions of the followers.
-        info: The recording, whose road length is still unknown.
-        policy: Treatment of bad rows, and the length of vehicles whose length is unknown.
+
+def read_lateral(path: Path, recording: str, part: None, policy: DataConfig) -> Recording:
+    """The vehicles of all pairs; gaps to the leader are those of the source.
+
+    The source states the position y of the front, so the centre is at y - length / 2.
+    """
+    rows = read_columns(path, LATERAL_COLUMNS)
+    info = RecordingInfo(
+        id=recording,
+        frame_rate=FRAME_RATE,
+        lane_count={1: LANES["i80"]},
+        road_length=0.0,
+        source="NGSIM I-80, leader-follower pairs with lateral positions",
+        licence=LICENCE,
+        attribution=ATTRIBUTION,
+        notes=(
+            "members of leader-follower pairs only, chosen for following in one lane for long: not every vehicle of a "
+            "lane, no lane changes",
+            "lateral position known for followers only",
+            "accelerations are clipped at 3.41 m/s^2 in the source",
+        ),
+        file=str(path),
+        columns={"track_id": "follower", "frame": "frame", "time": "frame", "leader_id": "leader", "y": "x_f_m"}
+        | {"position": "y_f_m", "x": "y_f_m", "lateral": "x_f_m", "speed": "v_f_mps", "acceleration": "a_f_mps2"}
+        | {"length": "length_f_m", "width": "width_f_m", "vehicle_class": "class_f"},
+    )
+    frame = rows["frame"].to_numpy(np.float64)
+    whole = frame == np.rint(frame)
+    if not whole.all():
+        row = int(np.argmin(whole))
+        text = f"{frame[row]:g} is not a number of a frame"
+        raise bad_recording("not-a-number", text, "write a whole number", path, column="frame", row=row + 1)
+    classes = {name: [CLASSES.get(number, str(number)) for number in rows[name]] for name in ("class_f", "class_l")}
+    pairs = rows.assign(t_s=frame / FRAME_RATE, **classes).rename(columns={"leader_width_m": "width_l_m"})
+    return joined_pairs(pairs, info, policy)
+
+
+def joined_pairs(pairs: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Recording:
+    """The recording that consists of the vehicles of all pairs, with the length of its road.
+
+    Pairs have the columns that `read_pairs` reads, and optional ones of the follower (`f`) and the leader (`l`):
+    `length_f_m`, `width_f_m`, `width_l_m`, `class_f`, `class_l` (classes of the canonical table), and `x_f_m`, lateral
+    positions of the followers.
     """
     _require_ids(pairs, info)
     _require_units(pairs, info)

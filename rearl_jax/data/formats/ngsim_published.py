@@ -9,7 +9,7 @@ Data, DOI 10.21949/1504477.
 """
 
 import re
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import BadRows, DataConfig
-from rearl_jax.data.checks.leader_ids import without_absent
+from rearl_jax.data.checks.leaders import without_absent
 from rearl_jax.data.checks.losses import Losses, reject, stop_or_count
 from rearl_jax.data.checks.typed_table import MAX_LANES, unknown_class
 from rearl_jax.data.files.columnar import is_parquet
@@ -76,6 +76,15 @@ _SAMPLE_LINES = 5  # lines of a .txt from which it is decided whether it is a ta
 # A time that is not in ms may have a fraction; its unit is reported as the fault.
 _TYPES = {"location": pa.string(), "global_time": pa.float64()}
 _KEYS = ("track_id", "frame", "global_time")
+
+find_published = partial(
+    named_files,
+    endings=_ENDINGS,
+    wanted="the folder with the NGSIM trajectory tables, such as trajectories-0750am-0805am.csv or the export of the "
+    "data portal",
+    usual=".csv or .txt",
+)
+"""The published tables: .csv with a header, .txt without; FileNotFoundError if there is none."""
 
 
 class PublishedFile:
@@ -210,19 +219,6 @@ def _are_numbers(words: list[str]) -> bool:
 
 def _is_number(word: str) -> bool:
     return re.fullmatch(r"-?\d+(\.\d*)?", word) is not None
-
-
-def find_published(root: Path) -> list[Path]:
-    """The published NGSIM tables in the folder: .csv with a header, .txt without.
-
-    Raises:
-        FileNotFoundError: There is none.
-    """
-    wanted = (
-        "the folder with the NGSIM trajectory tables, such as trajectories-0750am-0805am.csv or the export of the "
-        "data portal"
-    )
-    return named_files(root, _ENDINGS, wanted, ".csv or .txt")
 
 
 def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataFrame, RecordingInfo]:

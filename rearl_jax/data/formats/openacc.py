@@ -10,6 +10,7 @@ al., Transportation Research Part C 125 (2021) 103047.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +20,11 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import typed_table
 from rearl_jax.data.checks.frame_rates import phase_of
 from rearl_jax.data.checks.losses import Losses, stop_or_count
+from rearl_jax.data.checks.motion_checks import MAX_BACKWARD
 from rearl_jax.data.checks.unit_checks import require_period
 from rearl_jax.data.files.columnar import column_names, read_columns
 from rearl_jax.data.files.folder import only_parquet
-from rearl_jax.data.formats import openacc_index
-from rearl_jax.data.formats.backward_speeds import MAX_BACKWARD
-from rearl_jax.data.formats.openacc_drivers import switched
+from rearl_jax.data.formats.openacc_labels import INDEX_FILE, labels_of_run, switched
 from rearl_jax.data.formats.openacc_pairs import checked_pairs, on_breaks
 from rearl_jax.data.problems import Finding, bad_recording, source_row
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
@@ -41,6 +41,11 @@ COLUMNS = ("file", *_NUMBERS)
 MODEL = "model"
 """Label of tracks: the car model. A model is one physical car, which drove in many files."""
 _MAX_PLACES = 1000  # vehicles; no platoon has as many
+
+find_platoons = partial(
+    only_parquet, wanted=f"the folder with the one file of OpenACC platoons, columns {', '.join(COLUMNS)}"
+)
+"""The Parquet file of platoons in the folder; MissingInputError if there is none, or more than one."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +65,6 @@ class Platoon:
     last: int
     unlinked: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
-
-
-def find_platoons(root: Path) -> Path:
-    """The Parquet file of platoons in the folder; MissingInputError if there is none, or more than one."""
-    return only_parquet(root, f"the folder with the one file of OpenACC platoons, columns {', '.join(COLUMNS)}")
 
 
 def platoon_recordings(path: Path) -> dict[str, Platoon]:
@@ -114,7 +114,7 @@ def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfi
     models = (MODEL,) if MODEL in column_names(path) else ()
     rows = read_columns(path, _NUMBERS, models, only=("file", platoon.file))
     rows["t_s"] = on_frames(rows["t_s"].to_numpy(np.float64))
-    runs = openacc_index.labels_of_run(path.parent / openacc_index.FILE, platoon.file)
+    runs = labels_of_run(path.parent / INDEX_FILE, platoon.file)
     info = RecordingInfo(
         id=recording,
         frame_rate=FRAME_RATE,
@@ -158,7 +158,7 @@ def rebuilt(
         info: The recording, without the length of its road.
         labels: Labels by name: one value for all vehicles, or one for each number in the platoon.
         policy: Treatment of bad rows.
-        switches: Driver by number in the platoon and frame, if drivers switch; see `openacc_drivers`.
+        switches: Driver by number in the platoon and frame, if drivers switch; see `switched`.
         losses: Rows that are already left out.
 
     Raises:

@@ -24,10 +24,7 @@ _OWN, _OF_OTHERS, _LEAST_LEAD = 0.5, 0.9, 0.3
 def on_breaks(vehicles: Collection[int], gaps: Collection[int], names: Sequence[str] = ()) -> tuple[str, ...]:
     """Notes on the vehicles and gaps that a run lacks: nothing is known of their followers and leaders.
 
-    Args:
-        vehicles: Numbers of the vehicles that are recorded.
-        gaps: Numbers of the vehicles whose gap to the vehicle behind is recorded.
-        names: Models of all vehicles, from number 1 on, if known.
+    `gaps` holds the numbers of the vehicles whose gap behind is recorded, `names` the models of all from number 1 on.
     """
     absent = [k for k in range(1, max([len(names), *vehicles]) + 1) if k not in vehicles]
     apart = [k for k in vehicles if k + 1 in vehicles and k not in gaps]
@@ -46,12 +43,7 @@ def checked_pairs(
 ) -> tuple[str, ...]:
     """Notes on the pairs whose gap does not follow from their speeds.
 
-    Args:
-        gaps: Gap behind each vehicle except the last [m], one row per frame; NaN where it is unknown.
-        speed: Speed of each vehicle [m/s].
-        vehicles: Numbers of the vehicles.
-        frame_rate: Frames per second [1/s].
-        info: The recording, for messages.
+    One row per frame: the gaps behind all vehicles except the last [m], NaN where unknown, and all speeds [m/s].
 
     Raises:
         BadRecordingError: A unit is wrong, or a gap follows the speeds of another pair.

@@ -24,9 +24,9 @@ from rearl_jax.data.files.content import in_utf8
 from rearl_jax.data.files.delimited import read_below, stem_of, text_endings
 from rearl_jax.data.files.folder import is_visible, recordings_missing, visible_files
 from rearl_jax.data.files.text_layout import first_lines, readable
-from rearl_jax.data.formats import openacc, openacc_index
+from rearl_jax.data.formats import openacc
 from rearl_jax.data.formats.openacc import FRAME_RATE, MAX_HOLE, MODEL, Platoon
-from rearl_jax.data.formats.openacc_drivers import ACC
+from rearl_jax.data.formats.openacc_labels import ACC, INDEX_FILE
 from rearl_jax.data.formats.openacc_pairs import on_breaks
 from rearl_jax.data.formats.published_names import split_unit, unit_stated
 from rearl_jax.data.problems import Finding, bad_recording, require_columns
@@ -44,7 +44,7 @@ _COLUMNS = re.compile(r"Time\s*(?:[\[(][^\[\]()]*[\])]\s*)?([,;\t])")
 _OF_VEHICLE = re.compile(r"(?:Speed|IVS|Driver|Lat|Lon|Alt|E|N|U)[ _]?(\d+)(?!\d)", re.IGNORECASE)
 _KINDS = {"Time": "s", "Speed": "m/s", "IVS": "m", "E": "m", "N": "m"}  # SI units of the numbers that are read
 _FIRST_CELL = re.compile(r"\s*[,;\t]")  # end of a first cell
-_NOT_RUNS = ("specification", openacc_index.FILE)
+_NOT_RUNS = ("specification", INDEX_FILE)
 _DRIVER = {"acc": "1", "human": "0"}
 _RECEIVER_TOLERANCE = 1.0  # m; gaps between bumpers are a car length shorter than distances between receivers
 

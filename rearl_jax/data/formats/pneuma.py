@@ -10,6 +10,7 @@ large-scale field experiment, Transportation Research Part C 111 (2020) 50-71; o
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -58,30 +59,18 @@ _SPELLING = {
 _EXCURSION_ROWS = 25  # rows, 1 s
 _MIN_MOVED = 5.0  # m; the direction of a vehicle that moves less is unknown
 
+_WANTED = "the folder with the files of pNEUMA, such as 20181024_d1_0830_0900.csv"
+find_files = partial(named_files, endings=text_endings(".csv"), wanted=_WANTED, usual=".csv")
+"""The .csv files in the folder, or the one file that is named; FileNotFoundError if there is none."""
+
 
 @dataclass(frozen=True)
 class _Vehicle:
-    """One vehicle as described by a row.
-
-    Attributes:
-        number: Its track_id.
-        kind: Its type, in the spelling of _TYPES.
-        values: One row per time step, in the columns of REPEATED_COLUMNS.
-    """
+    """A row of the file: track_id, type as in _TYPES, and a row per time step, in the columns of REPEATED_COLUMNS."""
 
     number: int
     kind: str
     values: np.ndarray
-
-
-def find_files(root: Path) -> list[Path]:
-    """The .csv files in the folder, or the one file that is named.
-
-    Raises:
-        FileNotFoundError: There is none.
-    """
-    wanted = "the folder with the files of pNEUMA, such as 20181024_d1_0830_0900.csv"
-    return named_files(root, text_endings(".csv"), wanted, ".csv")
 
 
 def is_one(path: Path) -> bool:

@@ -35,13 +35,8 @@ def by_plain_name(names: Sequence[str], wanted: Collection[str], file: Path) -> 
 def unit_stated(column: str, kind: str, file: Path) -> str | None:
     """Unit that the name of a column states in brackets; None if it states none.
 
-    Args:
-        column: Name of the column in the file.
-        kind: SI unit of the kind, a key of UNITS.
-        file: For messages.
-
     Raises:
-        BadRecordingError: It is no unit of the kind.
+        BadRecordingError: It is no unit of the kind, a key of UNITS.
     """
     _, stated = split_unit(column)
     unit = unit_named(stated, kind) if stated else None

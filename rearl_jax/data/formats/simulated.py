@@ -63,16 +63,7 @@ def is_generated(data: DataConfig, root: Path) -> bool:
 def info_of(
     path: Path, id: str, source: str, labels: tuple[str, ...], notes: Sequence[str], columns: dict[str, str]
 ) -> RecordingInfo:
-    """The record of a simulated recording; frame rate, lanes and road length are placeholders until the rows are read.
-
-    Args:
-        path: The file.
-        id: Id of the recording.
-        source: The simulator.
-        labels: Columns that are labels.
-        notes: Assumptions.
-        columns: Names of columns in the file, by canonical name.
-    """
+    """The record of a simulated recording; frame rate, lanes and road length are placeholders until rows are read."""
     return RecordingInfo(
         id=id,
         frame_rate=1.0,
@@ -92,13 +83,9 @@ def info_of(
 def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig, losses: Losses) -> Recording:
     """The recording of the main road.
 
-    Args:
-        rows: FIELDS, and where the source has them x, y (of the front), hx, hy (unit vector of the heading in x, y),
-            aside (position in the lane, to the right of its middle, in lane widths), acceleration, width, leader_id,
-            labels. The index holds the rows of the source, from 0.
-        simulation: Further properties.
-        policy: Treatment of bad rows.
-        losses: Rows that are already left out.
+    The rows have FIELDS, and where the source has them x, y (of the front), hx, hy (unit vector of the heading in x,
+    y), aside (position in the lane, to the right of its middle, in lane widths), acceleration, width, leader_id,
+    labels. The index holds the rows of the source, from 0.
 
     Raises:
         BadRecordingError: A value is missing or the times do not follow a clock and data.on_bad is stop, or a row
@@ -114,8 +101,8 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
     code = rows["link"].cat.codes.to_numpy().astype(np.int64)
     numbers = {name: rows[name].to_numpy(np.float64) for name in ("front", "speed", "lane", "length")}
     track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
-    road = main_road(Steps(track, frame, code, numbers["front"], numbers["speed"], period))
-    begin = road.begins[code]
+    begins, laps = main_road(Steps(track, frame, code, numbers["front"], numbers["speed"], period))
+    begin = begins[code]
     on_road = ~np.isnan(begin)
     front = begin + numbers["front"]
     position = front - 0.5 * numbers["length"]
@@ -124,9 +111,9 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
     table = rows[["track_id", "frame", "speed", "length", "vehicle_class", *(n for n in further if n in rows)]]
     table = table.assign(direction=1, position=position, lane=lane)
     table = _on_ground(table, rows, simulation)
-    info = _described(info, road.begins, n_lanes, links, period, simulation)
+    info = _described(info, begins, n_lanes, links, period, simulation)
     # A vehicle that comes back from another road, or begins another lap, is a track of its own.
-    starts = (_comes_back(track, on_road) | road.laps) & on_road
+    starts = (_comes_back(track, on_road) | laps) & on_road
     if not on_road.all():
         info = _with_note_on_others(info, code[~on_road], links)
         losses.count("other_road", int((~on_road).sum()))

@@ -69,12 +69,7 @@ def files_beside(root: Path) -> list[Path]:
 
 
 def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Recording:
-    """The main road of one file.
-
-    Args:
-        path: The file.
-        beside: Files of networks and of vehicle types in the same folder.
-        policy: Treatment of bad rows; `default_length` is the length of types that no file describes.
+    """The main road of one file; `beside` are the files of networks and of vehicle types in the same folder.
 
     Raises:
         BadRecordingError: The file is damaged, lacks a column, or a row breaks the schema.

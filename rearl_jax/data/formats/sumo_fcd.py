@@ -35,12 +35,8 @@ _BATCH_SIZE = 2**15  # elements whose attributes are held as texts
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of a file of floating car data.
-
-    Attributes:
-        names: Name in the file of every column, by its name in XML.
-        n_broken: Number of broken lines that were left out; 1 for an XML file that ends within an element.
-        is_xml: Whether the file is XML.
+    """Layout of a file of floating car data: name in the file of every column, by its name in XML, and the number of
+    broken lines that were left out, 1 for an XML file that ends within an element.
     """
 
     names: dict[str, str]

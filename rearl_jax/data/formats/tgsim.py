@@ -9,6 +9,7 @@ Mahmassani and Hamdar, report FHWA-JPO-24-133 (2024).
 """
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -74,15 +75,9 @@ _AUTOMATED_CODE = "4"
 _YES = ("yes", "true", "1", "1.0")
 _RUN_REMEDY = "complete it, or remove the column if the file holds one run only"
 
-
-def find_files(root: Path) -> list[Path]:
-    """The .csv files in the folder, or the one file that is named.
-
-    Raises:
-        FileNotFoundError: There is none.
-    """
-    wanted = "the folder with the trajectories of TGSIM, such as I294_L1_final.csv"
-    return named_files(root, text_endings(".csv"), wanted, ".csv")
+_WANTED = "the folder with the trajectories of TGSIM, such as I294_L1_final.csv"
+find_files = partial(named_files, endings=text_endings(".csv"), wanted=_WANTED, usual=".csv")
+"""The .csv files in the folder, or the one file that is named; FileNotFoundError if there is none."""
 
 
 def is_one(path: Path) -> bool:

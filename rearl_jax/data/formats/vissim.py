@@ -10,6 +10,7 @@ names of attributes: PTV Vissim 2025, Hilfe, Fahrzeuge im Netz in einer Liste an
 
 import re
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +26,13 @@ from rearl_jax.data.files.text_layout import first_lines, readable
 from rearl_jax.data.formats.simulated import Simulation, info_of, recording_of
 from rearl_jax.data.problems import bad_recording, require_columns
 from rearl_jax.data.records import Recording
-from rearl_jax.data.units import SI_FACTOR, to_si
+from rearl_jax.data.units import UNITS, to_si, unit_named
 
 LANE_WIDTH = 3.5
 """Width of a lane [m]; Vissim's default, the records do not state it."""
 LABEL = "type"
 """Label of tracks: the number of the vehicle type."""
 
-_ENDINGS = text_endings(".fzp")
 _HEADERS = ("$VEHICLE:", "$FAHRZEUG:")
 _MAX_HEADER_LINES = 1000  # lines above the table, which explain one column each
 # Columns by their names without case: in English, in German (umlauts also as AE), last those of the older layout.
@@ -52,9 +52,12 @@ _NAMES = {
 _REQUIRED = ("time", "vehicle", "link", "lane", "front", "speed")
 # Units of columns whose unit the file does not state.
 _UNSTATED = {"front": "m", "speed": "km/h", "length": "m", "acceleration": "m/s^2", "width": "m"}
-_SPELT = {"m/s2": "m/s^2", "m/s²": "m/s^2", "ft/s2": "ft/s^2", "ft/s²": "ft/s^2", "kmh": "km/h", "mi/h": "mph"}
 # Types of a new network; users define the meaning of others. Source: PTV Vissim manual, Vehicle types.
 _CLASS = {100: "car", 200: "truck", 300: "truck", 400: "other"}
+
+_WANTED = "a vehicle record of Vissim, or a folder of them"
+find_records = partial(named_files, endings=text_endings(".fzp"), wanted=_WANTED, usual=".fzp")
+"""The .fzp files in the folder, or the one file that is named; MissingInputError if there is none."""
 
 
 @dataclass(frozen=True)
@@ -78,11 +81,6 @@ class _Header:
         by_name = {name.upper(): name for name in self.columns}
         found = {canonical: [by_name[name] for name in names if name in by_name] for canonical, names in _NAMES.items()}
         return {canonical: names[0] for canonical, names in found.items() if names}
-
-
-def find_records(root: Path) -> list[Path]:
-    """The .fzp files in the folder, or the one file that is named; MissingInputError if there is none."""
-    return named_files(root, _ENDINGS, "a vehicle record of Vissim, or a folder of them", ".fzp")
 
 
 def is_record(path: Path) -> bool:
@@ -207,10 +205,11 @@ def _unit_of(name: str, header: _Header, names: dict[str, str], path: Path) -> t
     stated = header.units.get(spelt)
     if stated is None:
         return _UNSTATED[name], False
-    unit = _SPELT.get(stated.lower(), stated.lower())
-    if unit not in SI_FACTOR:
+    kind = "m/s" if name == "speed" else _UNSTATED[name]
+    unit = unit_named(stated, kind)
+    if unit is None:
         text = f"the unit {stated} of the column is not known"
-        remedy = f"let Vissim write one of {', '.join(SI_FACTOR)}"
+        remedy = f"let Vissim write one of {', '.join(UNITS[kind])}"
         raise bad_recording("unit-unknown", text, remedy, path, column=names[name])
     return unit, True
 

@@ -37,12 +37,8 @@ def generate(config: GeneratorConfig, root: Path, progress: Progress | None = No
 
     A recording depends on the seed, its number and the configuration, not on the workers or the other recordings. The
     same call resumes a killed run. The file generator.json in the same folder marks the recordings as generated and
-    states their configuration and seed.
-
-    Args:
-        config: Content of the data set.
-        root: Folder; created if missing.
-        progress: Called with the recordings done and wanted, at the start and after each recording.
+    states their configuration and seed. `progress` is called with the recordings done and wanted, at the start and
+    after each recording.
 
     Raises:
         ValueError: The folder holds recordings of another configuration or of another origin.

@@ -1,4 +1,6 @@
-"""Vehicles of the generator: constants of all drivers of a recording, and the state of those on the road."""
+"""Vehicles of the generator: constants of all drivers of a recording, the state of those on the road, their situation
+at one time step, and the bottleneck that causes stop-and-go traffic.
+"""
 
 from dataclasses import dataclass, fields
 
@@ -59,9 +61,8 @@ def draw_drivers(
 ) -> Drivers:
     """Drivers of given class and pace (see `Arrivals`), with parameters that vary between drivers.
 
-    Spreads follow the usual ranges of Gipps-model calibrations (Gipps 1981; Ciuffo, Punzo and Montanino
-    2012); vehicle sizes are those of European cars (3.6 to 5.3 m) and of rigid and articulated trucks (8 to
-    18.75 m).
+    Spreads follow the usual ranges of Gipps-model calibrations (Gipps 1981; Ciuffo, Punzo and Montanino 2012); vehicle
+    sizes are those of European cars (3.6 to 5.3 m) and of rigid and articulated trucks (8 to 18.75 m).
     """
     n = len(is_truck)
     # Drivers keep near a legal limit, most a little above it.
@@ -172,3 +173,49 @@ class Fleet:
 
 
 STATE = tuple(item.name for item in fields(Fleet) if item.name != "drivers")
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Traffic as the drivers on the road perceive it at one time step; arrays over the vehicles of the fleet.
+
+    Attributes:
+        time: Time since the start of the simulation [s].
+        fleet: Drivers and their own state.
+        gap: Bumper to bumper distance to the leader [m], inf if there is none.
+        leader_speed: Speed of the leader [m/s]; the driver's own speed if there is none.
+        leader_acceleration: Acceleration of the leader [m/s^2]; 0 if there is none.
+    """
+
+    time: float
+    fleet: Fleet
+    gap: np.ndarray
+    leader_speed: np.ndarray
+    leader_acceleration: np.ndarray
+
+
+@dataclass(frozen=True)
+class SpeedRestriction:
+    """Bottleneck whose passable speed changes in phases, so that stop-and-go waves start there.
+
+    Attributes:
+        direction: Carriageway it lies on.
+        start, end: Stretch of road [m].
+        times: Start of each phase [s], in ascending order; before the first there is no restriction.
+        speeds: Passable speed in each phase [m/s].
+    """
+
+    direction: int
+    start: float
+    end: float
+    times: tuple[float, ...]
+    speeds: tuple[float, ...]
+
+    def limited(self, desired_speed: np.ndarray, situation: Situation) -> np.ndarray:
+        """Desired speed of every driver, at most the passable speed for those in the bottleneck [m/s]."""
+        phase = int(np.searchsorted(self.times, situation.time, side="right")) - 1
+        if phase < 0:
+            return desired_speed
+        fleet = situation.fleet
+        inside = (fleet.position >= self.start) & (fleet.position <= self.end) & (fleet.direction == self.direction)
+        return np.where(inside, np.minimum(desired_speed, self.speeds[phase]), desired_speed)

@@ -42,12 +42,7 @@ def highd_tables(
 ) -> tuple[Table, Table, Table]:
     """The tables tracks, tracksMeta and recordingMeta of one recording.
 
-    Args:
-        plan: The recording.
-        tracks: Observed tracks.
-        vehicles: All vehicles of the recording.
-        direction: Carriageway of every vehicle, LOWER or UPPER.
-        camera_length: Length of road that the camera sees [m].
+    `vehicles` and `direction`, LOWER or UPPER, are those of all vehicles; `camera_length` is what the camera sees [m].
     """
     # highD numbers vehicles by their first frame, and those with the same first frame by position.
     begin = np.flatnonzero(np.diff(tracks.vehicle, prepend=-1))

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rearl_jax.data.generator.fleet import Drivers, Fleet
-from rearl_jax.data.generator.situation import Situation
+from rearl_jax.data.generator.fleet import Drivers, Fleet, Situation
 
 LEFT, RIGHT = -1, 1
 # Drivers estimate the speed in a lane over a horizon, which is longer for returning to the right, so that they do not

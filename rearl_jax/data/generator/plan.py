@@ -11,8 +11,8 @@ import numpy as np
 from scipy.stats import beta
 
 from rearl_jax.config.generator import GeneratorConfig
+from rearl_jax.data.generator.fleet import SpeedRestriction
 from rearl_jax.data.generator.road import LOWER, SECTIONS, UPPER, Section
-from rearl_jax.data.generator.situation import SpeedRestriction
 
 N_CELLS = 60
 CROSSING_TIME = 13.2  # mean time in view [s]: 24.6 vehicles x 16.5 h / 110,516 vehicles of highD
@@ -86,14 +86,8 @@ def plan_recording(config: GeneratorConfig, recording_id: int) -> RecordingPlan:
 
 @dataclass(frozen=True)
 class _Design:
-    """Design of the recordings; arrays over cells.
-
-    Attributes:
-        duration: [s], before scaling.
-        vehicle_rate: Vehicles per second, both directions.
-        truck_share: Share of trucks.
-        congested: Whether there is stop-and-go traffic.
-        section: Index into SECTIONS.
+    """Design of the recordings, arrays over cells: duration before scaling [s], vehicles of both directions per second,
+    share of trucks, whether there is stop-and-go traffic, and index into SECTIONS.
     """
 
     duration: np.ndarray

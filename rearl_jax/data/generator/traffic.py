@@ -11,7 +11,7 @@ import numpy as np
 from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.data.generator.car_following import chosen_acceleration, safe_speed
 from rearl_jax.data.generator.demand import Arrivals
-from rearl_jax.data.generator.fleet import Drivers, Fleet
+from rearl_jax.data.generator.fleet import Drivers, Fleet, Situation
 from rearl_jax.data.generator.lane_changing import (
     LEFT,
     PAUSE,
@@ -23,7 +23,6 @@ from rearl_jax.data.generator.lane_changing import (
     lateral_position,
 )
 from rearl_jax.data.generator.plan import EXIT_LENGTH, WARM_UP, RecordingPlan
-from rearl_jax.data.generator.situation import Situation
 
 FRAME = 0.04  # time between two frames [s]
 DECISION_INTERVAL = 0.4  # time between two lane-change decisions [s]; each is about one side, and sides alternate

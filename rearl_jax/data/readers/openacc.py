@@ -5,7 +5,8 @@ from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.files.folder import visible_files
-from rearl_jax.data.formats import openacc, openacc_index, openacc_raw
+from rearl_jax.data.formats import openacc, openacc_raw
+from rearl_jax.data.formats.openacc_labels import INDEX_FILE
 from rearl_jax.data.reader import Entry, Reader, by_columns, by_first_file, parts_of, parts_of_files
 
 _condensed = parts_of(openacc.find_platoons, openacc.platoon_recordings, openacc.read_platoon)
@@ -23,7 +24,7 @@ def files(root: Path) -> list[Path]:
     """The platoons, and the index of runs where there is one; or the published runs."""
     if not _is_condensed(root):
         return openacc_raw.find_runs(root)
-    platoons, index = openacc.find_platoons(root), root / openacc_index.FILE
+    platoons, index = openacc.find_platoons(root), root / INDEX_FILE
     return [platoons, index] if index.is_file() else [platoons]
 
 

@@ -17,15 +17,10 @@ _OUTER = 0.01  # share of the rows at either end of a link that may be damaged
 
 @dataclass(frozen=True)
 class Steps:
-    """Rows of vehicles on links, sorted by vehicle and time.
+    """Rows of vehicles on links, which are numbered from 0, sorted by vehicle and time.
 
-    Attributes:
-        track: Vehicle.
-        frame: Frame number.
-        link: Link, numbered from 0.
-        along: Distance of the front from the beginning of the link [m].
-        speed: Speed [m/s].
-        period: Time between two frames [s].
+    `along` is the distance of the front from the beginning of the link [m], `speed` in m/s, `period` the time between
+    two frames [s].
     """
 
     track: np.ndarray
@@ -36,21 +31,10 @@ class Steps:
     period: float
 
 
-@dataclass(frozen=True)
-class MainRoad:
-    """Links in sequence.
-
-    Attributes:
-        begins: Start of each link along the road [m]; NaN for links that are not part of it.
-        laps: Mask of the rows at which a vehicle starts another lap, as on a ring.
+def main_road(steps: Steps) -> tuple[np.ndarray, np.ndarray]:
+    """Start of each link along the road of the link with the most rows [m], NaN for links that are not part of it; and
+    the mask of the rows at which a vehicle starts another lap, as on a ring.
     """
-
-    begins: np.ndarray
-    laps: np.ndarray
-
-
-def main_road(steps: Steps) -> MainRoad:
-    """The road of the link with the most rows."""
     rows = np.flatnonzero((np.diff(steps.track) == 0) & (np.diff(steps.frame) == 1))
     moved = _moved(steps, rows)
     changes = steps.link[rows] != steps.link[rows + 1]
@@ -68,19 +52,12 @@ def main_road(steps: Steps) -> MainRoad:
     if closing:
         pairs = zip(steps.link[rows].tolist(), steps.link[rows + 1].tolist(), strict=True)
         laps[rows + 1] = [pair in closing for pair in pairs]
-    return MainRoad(begins, laps)
+    return begins, laps
 
 
 @dataclass(frozen=True)
 class _Joint:
-    """A pair of consecutive links.
-
-    Attributes:
-        behind: The first link.
-        ahead: The second link.
-        apart: Distance from the start of the first to the start of the second [m].
-        n: Number of vehicles that drive from the first to the second.
-    """
+    """Two consecutive links, the distance from start to start [m], and the number of vehicles that drive over both."""
 
     behind: int
     ahead: int

@@ -16,16 +16,13 @@ from rearl_jax.data.vehicle_rows import first_and_last_rows
 def unrolled(rows: pd.DataFrame, circumference: float, file: str) -> tuple[pd.DataFrame, list[str]]:
     """The rows with positions that grow from lap to lap and a leader for every vehicle, and notes.
 
-    Args:
-        rows: Rows with `track_id`, `frame` and `position` [m], which may restart at 0 in every lap or not.
-        circumference: Length of one lap [m].
-        file: For messages.
+    Positions [m] may restart at 0 in every lap or not; the circumference is the length of one lap [m].
 
     Raises:
         BadRecordingError: There are several lanes, or vehicles overtake each other or are not on the ring.
     """
     track, frame, stated = (numbers_of(pd.Series(rows[name])) for name in ("track_id", "frame", "position"))
-    if "lane" in rows and len(np.unique(numbers_of(pd.Series(rows["lane"])))) > 1:
+    if "lane" in rows and pd.Series(numbers_of(pd.Series(rows["lane"]))).nunique() > 1:
         text = "a ring road is read with one lane only, and there are several"
         remedy = "give each lane a table of its own, or leave the column out: 'data.columns={lane: null}'"
         raise bad_recording("ring-lanes", text, remedy, file, column="lane")

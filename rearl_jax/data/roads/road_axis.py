@@ -54,14 +54,8 @@ def road_axis(track: np.ndarray, piece: np.ndarray, x: np.ndarray, y: np.ndarray
     """The axis that most vehicles drive along; None if none of them moves.
 
     The straight line has the main direction of the vehicles' paths, in either sense. The lateral shift of the road
-    between two points is the median over all vehicles that pass both without changing lanes.
-
-    Args:
-        track: Vehicle of each row; its rows are together and in the order of time.
-        piece: Number of the part of a track, within one lane, to which each row belongs, ascending.
-        x: Position on the map [m].
-        y: Position on the map [m].
-        y_down: Whether y points down, as in images, so that right and left are interchanged.
+    between two points is the median over all vehicles that pass both without changing lanes. The arguments are those of
+    `straightened.straightened`.
     """
     known = np.flatnonzero(np.isfinite(x) & np.isfinite(y) & (np.abs(x) < 1e7) & (np.abs(y) < 1e7))
     if not known.size:
@@ -98,11 +92,7 @@ def _on_line(
 def _increments(piece: np.ndarray, a: np.ndarray, b: np.ndarray, n: int) -> np.ndarray:
     """Shift of the road to the right between consecutive points [m]: the median over all vehicles that pass both.
 
-    Args:
-        piece: Part of a track to which each row belongs.
-        a: Position of each row along the straight line, from the first point [m].
-        b: Position to its right [m].
-        n: Number of shifts.
+    `a` and `b` are the positions of the rows along the straight line, from the first point, and to its right [m].
     """
     cell = np.floor(a / SPACING).astype(np.int64)
     step = np.diff(a)

@@ -5,16 +5,45 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from rearl_jax.data.checks.lateral_checks import USUAL_WIDTH
 from rearl_jax.data.checks.losses import Losses, split_tracks
 from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.records import RecordingInfo
-from rearl_jax.data.roads.lane_order import LaneOrder, lane_order
 from rearl_jax.data.roads.road_axis import SPACING, RoadAxis, road_axis
 from rearl_jax.data.vehicle_rows import first_and_last_rows, follows_row_before
 
+RARE_SHARE = 0.001
+"""Smallest share of the rows of a carriageway for a lane; rarer numbers are faults, or short pieces beside the road."""
+LANE_SPREAD = 3.0
+"""Largest width [m] that holds 90 % of the vehicle centres of a lane; it is larger on a ramp that leaves the road."""
+_MAX_LANE = 1e15  # larger than every lane number, and exact as float64
 _MIN_MOVED = 5.0  # m; the direction of a vehicle that moves less is unknown
 _SHARED_SHARE = 0.3  # of the rows of a lane number in either direction, if both carriageways use the number
 _END_MARGIN = 5.0 * SPACING  # m; vehicles may be so far beyond the ends of the axis
+
+
+@dataclass(frozen=True)
+class LaneOrder:
+    """Lanes of one carriageway.
+
+    Attributes:
+        ranks: Number in the source -> rank, 0 = leftmost.
+        left_edge: Lateral position of the left edge of the leftmost lane [m], positive to the right.
+        apart: Numbers whose vehicles do not drive along the road, as on ramps that leave it.
+    """
+
+    ranks: dict[int, int]
+    left_edge: float
+    apart: tuple[int, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of lanes."""
+        return max(self.ranks.values(), default=0) + 1
+
+    def rank_of(self, number: np.ndarray) -> np.ndarray:
+        """Rank of each number; NaN for one that is not a lane of this carriageway."""
+        return pd.Series(number).map(self.ranks).to_numpy(np.float64, na_value=np.nan)
 
 
 @dataclass(frozen=True)
@@ -72,7 +101,7 @@ def straightened(
         y: Position on the map [m].
         number: Lane in the source, NaN where it is unknown.
         info: The recording, for messages.
-        y_down: Whether y points down, as in images.
+        y_down: Whether y points down, as in images, so that right and left are interchanged.
         shared: Smallest share of rows in each direction for a lane number to belong to both carriageways [-]; above
             0.5 every number belongs to one carriageway.
 
@@ -99,7 +128,7 @@ def straightened(
     off_road, no_lane = np.zeros(len(track), dtype=bool), np.zeros(len(track), dtype=bool)
     for way in np.unique(ways):
         here = np.flatnonzero(ways == way)
-        order = lane_order(number[here], way * across[here])
+        order = _lane_order(number[here], way * across[here])
         lanes[int(columns["direction"][here[0]])] = order
         lateral[here] = way * across[here] - order.left_edge
         lane[here] = order.rank_of(number[here])
@@ -109,6 +138,33 @@ def straightened(
     placeholder = _within_lanes(track, number, lane, off_road)
     off_road, no_lane = off_road & ~placeholder, no_lane | placeholder
     return Straightened(pd.DataFrame(columns), lanes, length, off_road, no_lane, wrong)
+
+
+def _lane_order(number: np.ndarray, across: np.ndarray) -> LaneOrder:
+    """The lanes of one carriageway.
+
+    Lanes are side by side at least half a lane apart; numbers nearer to each other are parts of one lane. `number` is
+    the lane of each row in the source, NaN where unknown, `across` its lateral position, positive to the right [m].
+    """
+    known = (np.abs(number) < _MAX_LANE) & np.isfinite(across)
+    numbers, which, n_rows = np.unique(number[known], return_inverse=True, return_counts=True)
+    offsets = [across[known][which == lane] for lane in range(len(numbers))]
+    low, middle, high = np.array([np.quantile(of_lane, (0.05, 0.5, 0.95)) for of_lane in offsets]).reshape(-1, 3).T
+    is_rare = n_rows < RARE_SHARE * known.sum()
+    is_lane = ~is_rare & (high - low <= LANE_SPREAD)
+    ranks, rank, previous = dict[int, int](), 0, -np.inf
+    for lane in np.argsort(middle):
+        if not is_lane[lane]:
+            continue
+        if middle[lane] - previous > 0.5 * USUAL_WIDTH:
+            rank += 0 if np.isinf(previous) else max(int(np.rint((middle[lane] - previous) / USUAL_WIDTH)), 1)
+            previous = middle[lane]
+        ranks[int(numbers[lane])] = rank
+    apart = tuple(numbers[~is_lane & ~is_rare].astype(np.int64).tolist())
+    middle = np.sort(middle[is_lane])
+    left = float(middle[0]) if middle.size else 0.0
+    width = (float(middle[-1]) - left) / rank if rank else USUAL_WIDTH
+    return LaneOrder(ranks, left - 0.5 * width, apart)
 
 
 def _within_lanes(track: np.ndarray, number: np.ndarray, lane: np.ndarray, off_road: np.ndarray) -> np.ndarray:

@@ -94,15 +94,10 @@ class BoundaryOptions:
 def cut_boundary(
     recordings: Iterable[Recording], scenes: SceneSet, subset: np.ndarray, options: BoundaryOptions
 ) -> SceneBoundary:
-    """The recorded traffic around the vehicles of some scenes.
+    """The recorded traffic around the vehicles of a subset of the scenes, which holds their indices.
 
     Between two recorded frames positions, speeds and accelerations change linearly; a lane is that of the earlier one.
-
-    Args:
-        recordings: Recordings that include those of the scenes; read once, one at a time.
-        scenes: All scenes.
-        subset: Indices of the scenes.
-        options: Choice of the replayed vehicles.
+    The recordings are read once, one at a time.
 
     Raises:
         InvalidInputError: The lane of a vehicle is unknown, or a recording is missing.
@@ -139,12 +134,7 @@ def _require_same(recording: Recording, rows: VehicleRows, scenes: SceneSet) -> 
 def lanes_side_by_side(scenes: SceneSet, lane: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Lane numbers on a road with both carriageways side by side: those of carriageway 2 follow those of carriageway 1.
 
-    In scenes of one carriageway each they are unchanged.
-
-    Args:
-        scenes: The scenes, the first axis of the other arguments.
-        lane: Lanes within the carriageway.
-        direction: Carriageways.
+    In scenes of one carriageway each they are unchanged. The scenes are the first axis of the lanes and carriageways.
     """
     if scenes.is_one_way:
         return lane
@@ -260,10 +250,7 @@ def _in_front(
 ) -> Int[np.ndarray, "seconds places"]:
     """Index of the nearest track ahead of the foremost simulated vehicle on each of its lanes, lane by lane.
 
-    Args:
-        x: Positions at the beginning of each second [m].
-        lane: Lanes then; NOT_RECORDED for tracks that are simulated.
-        simulated: Fields of `SceneBoundary` about simulated vehicles.
+    x [m] and lane are those at the beginning of each second; the lane of simulated tracks is NOT_RECORDED.
     """
     n_lanes = int(max(simulated["lane"].max(), lane.max(initial=0))) + 1
     picked = np.full((x.shape[1], n_lanes), NO_VEHICLE)
@@ -285,12 +272,8 @@ def _placed(
 ) -> dict[str, np.ndarray]:
     """Fields of `SceneBoundary` about replayed vehicles: tracks at their places.
 
-    Args:
-        picked: Index of the track in each second and place.
-        tracks: Tracks.
-        moving: Motion of each, `[tracks, seconds, steps]`.
-        vehicles: A row of each.
-        n_simulated: Number of simulated vehicles.
+    `picked` holds the index of the track in each second and place, `moving` the motion of each track,
+    `[tracks, seconds, steps]`, and `vehicles` a row of each.
     """
     index, is_filled = np.maximum(picked, 0), picked != NO_VEHICLE
     seconds = np.arange(len(picked))[:, None]

@@ -15,13 +15,7 @@ _SOURCES = ("config", "data")
 
 
 def kept_boundary(data: DataConfig, scenes: SceneSet, subset: np.ndarray, options: BoundaryOptions) -> SceneBoundary:
-    """The recorded traffic around the vehicles of some scenes, from disk if it was read before.
-
-    Args:
-        data: The recordings that the scenes were cut from.
-        scenes: All scenes.
-        subset: Indices of the scenes.
-        options: Choice of the replayed vehicles.
+    """The recorded traffic of `cut_boundary`, from disk if it was read before; `data` is what the scenes were cut from.
 
     Raises:
         InvalidInputError: The lane of a vehicle is unknown, or a recording is missing or was replaced by another one.

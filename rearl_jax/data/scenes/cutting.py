@@ -25,12 +25,9 @@ PAPER_SCENES = 741
 def build_scenes(
     recordings: Iterable[Recording], keys: SceneKeys, progress: Callable[[str, int], None] | None = None
 ) -> SceneSet:
-    """All scenes of the recordings.
+    """All scenes of the recordings, which are read once, one at a time; none is kept.
 
-    Args:
-        recordings: Read once, one at a time; none is kept.
-        keys: A task's configuration.
-        progress: Called after each recording with its id and the number of scenes so far.
+    `progress` is called after each recording with its id and the number of scenes so far.
 
     Raises:
         ValueError: No scene is left, two recordings share an id, or a recording is not canonical.

@@ -46,15 +46,8 @@ def feature_distance(
     definition: FeatureDistance,
     metric: SpacingMetric,
 ) -> np.ndarray:
-    """Feature distance d of the first `n_places` vehicles of every cell [m].
-
-    Args:
-        vehicles: Columns of the table.
-        rows: Table row of the vehicle in every place.
-        present: Places with a vehicle.
-        n_places: Number of leading places to compute.
-        definition: Mean distance to all others, or distance to the vehicle ahead.
-        metric: Definition of the distance between two vehicles.
+    """Feature distance d of the first `n_places` vehicles of every cell [m]: the mean distance to all others, or the
+    distance to the vehicle ahead. `rows` holds the table row of the vehicle in every place.
 
     Source: Bi et al. use the letter d for the mean distance to the others and in the feature vector, where it could
     also mean the distance headway.

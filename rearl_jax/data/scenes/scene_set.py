@@ -26,15 +26,7 @@ Slots = "scenes frames slots"
 
 @dataclass(frozen=True)
 class SceneCounts:
-    """Counts of recordings and windows behind the scenes.
-
-    Attributes:
-        recordings: Recordings read.
-        recordings_without_scenes: Recordings that gave no scene.
-        windows: Windows examined.
-        rejected: Windows with too few vehicles in a snapshot.
-        accepted: Windows that became scenes.
-    """
+    """Counts of the recordings read and of windows examined; a rejected one has a snapshot with too few vehicles."""
 
     recordings: int
     recordings_without_scenes: int
@@ -187,14 +179,8 @@ def speed_extremes(speed: np.ndarray, norm: SpeedNorm) -> tuple[float, float]:
 def scale_speed(speed: np.ndarray, speed_min: float, speed_max: float, norm: SpeedNorm) -> np.ndarray:
     """Speed in the simulator's range [m/s].
 
-    v' = 5 + (32 - 5) (v - v_min) / (v_max - v_min), clipped to [5, 32]; `clip` clips v
+    v' = 5 + (32 - 5) (v - v_min) / (v_max - v_min), clipped to [5, 32], with recorded speeds v [m/s]; `clip` clips v
     itself, `none` returns v.
-
-    Args:
-        speed: Recorded speed [m/s].
-        speed_min: Speed that becomes 5 m/s.
-        speed_max: Speed that becomes 32 m/s.
-        norm: Rescaling of speeds.
 
     Source: Bi et al.
     """

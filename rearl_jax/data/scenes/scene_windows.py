@@ -22,6 +22,7 @@ from rearl_jax.config.scenes import (
 )
 from rearl_jax.data.records import Recording
 from rearl_jax.data.scenes.distances import Vehicles, feature_distance, mean_distance
+from rearl_jax.data.vehicle_rows import follows_row_before
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 LEFT, KEEP, RIGHT, FASTER, SLOWER = range(5)
@@ -96,10 +97,8 @@ class Tracks:
             raise InvalidInputError(Problem("no-rows", message, remedy, file=f"recording {recording.info.id}"))
         self.track_id = table["track_id"].to_numpy(np.int64)
         self.frame = table["frame"].to_numpy(np.int64)
-        self.starts = np.flatnonzero(np.diff(self.track_id, prepend=self.track_id[0] - 1))
-        self.ordinal = np.zeros(len(self.track_id), dtype=np.int64)
-        self.ordinal[self.starts[1:]] = 1
-        np.cumsum(self.ordinal, out=self.ordinal)
+        begins = ~follows_row_before(self.track_id)
+        self.starts, self.ordinal = np.flatnonzero(begins), np.cumsum(begins) - 1
         self.first_frame, self.last_frame = int(self.frame.min()), int(self.frame.max())
         self.span = self.last_frame - self.first_frame + 1
         self.key = self.ordinal * self.span + (self.frame - self.first_frame)

@@ -121,13 +121,7 @@ def split_windows(recording: np.ndarray, start_time: np.ndarray, seconds: float,
     Units are shuffled with `split.seed`; evaluation takes units until it has its size, then threshold, then
     tuning, so the evaluation scenes do not depend on the other two sizes. Scenes of a unit beyond the size are dropped
     at random. A split stops early if it would leave less than one unit for each split after it. A window belongs to the
-    seconds [start, start + seconds).
-
-    Args:
-        recording: Recording of every window.
-        start_time: Start of every window since the start of its recording [s].
-        seconds: Length of a window [s].
-        split: Unit, seed and sizes.
+    seconds [start, start + seconds) since the start of its recording [s].
 
     Raises:
         ValueError: Windows overlap and the unit is a scenario; blocks are shorter than a window; too few
@@ -170,12 +164,8 @@ def split_sizes(n_scenes: int, split: SplitConfig, seconds: float = math.inf) ->
 
     The paper's 150, 15 and 50 of 741. For another number N: threshold 0.2 N; tuning and evaluation scaled by
     N / 741 (not above 15 and 50), at least 5. If these do not fit into N: evaluation as above, threshold 0.2 N, tuning
-    the rest, the last two at least 1. A size given in the configuration is used unchanged.
-
-    Args:
-        n_scenes: Number of scenes.
-        split: Sizes asked for.
-        seconds: Length of a scene [s], for the advice to cut shorter ones.
+    the rest, the last two at least 1. A size given in the configuration is used unchanged. With the length of a scene
+    [s] the error for too few scenes advises shorter ones.
 
     Raises:
         ValueError: Fewer scenes than the splits need.

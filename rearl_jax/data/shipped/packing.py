@@ -90,12 +90,9 @@ SETS = {
 
 
 def pack(name: str, source: Path, target: Path) -> Path:
-    """Path of the shipped file of a format, which is written to a folder, with the index file if there is one.
+    """Path of the shipped file of a format, a key of `SETS`, written to a folder with the index file if there is one.
 
-    Args:
-        name: A key of `SETS`.
-        source: Folder of the published table, one Parquet file.
-        target: Folder to write to.
+    `source` is the folder of the published table, one Parquet file.
     """
     packed = SETS[name]
     columns = packed.columns.split()

@@ -1,7 +1,8 @@
-"""Position and speed of an unknown table, and their units: of the two columns one is the rate of change of the other.
+"""Position and speed of an unknown table, their units, and the lap of a ring road on which positions begin anew.
 
-The ratio of a step of position to speed x time depends on the units alone, and differs for nearly all pairs of units.
-Steps are taken over pieces, stretches of some consecutive rows of one vehicle.
+Of the two columns one is the rate of change of the other. The ratio of a step of position to speed x time depends on
+the units alone, and differs for nearly all pairs of units. Steps are taken over pieces, stretches of some consecutive
+rows of one vehicle.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,6 +26,12 @@ UNITS_TOGETHER = (
 """Units of position and speed, the likeliest first."""
 TOLERANCE = 0.04
 """Largest relative difference between a measured ratio and that of two units; km/h and ft/s differ by 9 %."""
+SHORTEST_LAP = 50.0
+"""Shortest lap [m]; smaller jumps are faults of positions."""
+LEAST_SEAMS = 3
+"""Smallest number of equal jumps that shows that positions are those of a ring."""
+LAP_TOLERANCE = 0.02
+"""Largest relative difference between the jumps of a ring, because of noise and speeds that change in a step."""
 _RATE_TOLERANCE = 0.015  # largest relative difference between a measured and a usual frame rate
 _MAX_RATIO_SPREAD = 0.25  # largest interquartile range of the ratios of pieces, relative to their median
 _PIECE_ROWS = 10  # rows over which a step is taken, beyond most of the noise and rounding of positions
@@ -101,6 +108,20 @@ def with_size_units(motion: Motion, sizes: Sizes) -> Motion:
     if not unit:
         return replace(motion, doubt=_FEET_OR_METRES)
     return replace(motion, units=(unit, f"{unit}/s"))
+
+
+def ring_of(motion: Motion, clock: Clock) -> float | None:
+    """Length of one lap [m]; None unless all jumps of positions along tracks are jumps back by the same distance."""
+    position, speed = motion.position.values, motion.speed.values
+    pieces = Pieces(clock, 1, (position, speed))
+    forward = (-1.0 if motion.is_reversed else 1.0) * pieces.steps(position)
+    driven = np.abs(motion.ratio * pieces.means(speed) * pieces.time)
+    missing = (driven - forward) * SI_FACTOR[motion.units[0]]
+    jumps = missing[np.abs(missing) > SHORTEST_LAP]
+    if jumps.size < LEAST_SEAMS:
+        return None
+    lap = float(np.median(jumps))
+    return round(lap, 2) if lap > 0.0 and (np.abs(jumps - lap) < LAP_TOLERANCE * lap).all() else None
 
 
 class Pieces:

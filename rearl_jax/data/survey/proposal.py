@@ -8,8 +8,7 @@ import numpy as np
 from rearl_jax.data.checks.typed_table import MAX_LANES
 from rearl_jax.data.schema import COLUMNS
 from rearl_jax.data.survey.clock import Clock, clock_of, named
-from rearl_jax.data.survey.motion import Motion, motion_of, with_size_units
-from rearl_jax.data.survey.ring import ring_of
+from rearl_jax.data.survey.motion import Motion, motion_of, ring_of, with_size_units
 from rearl_jax.data.survey.sample import FoundColumn, Sample
 from rearl_jax.data.survey.sizes import Sizes, sizes_of
 from rearl_jax.data.tables.track_names import NO_LEADER
@@ -24,13 +23,7 @@ _MIN_LEADERS_PRESENT = 0.5  # share of the stated leaders that must be vehicles 
 
 @dataclass(frozen=True)
 class Taken:
-    """A column of the file that is taken for a canonical one.
-
-    Attributes:
-        source: Its name in the file.
-        unit: Its entry in `data.units`; None if none is needed.
-        why: Reason for the proposal.
-    """
+    """A column that is taken for a canonical one: its name in the file, its entry in `data.units` or None, and why."""
 
     source: str
     unit: str | None

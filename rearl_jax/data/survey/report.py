@@ -1,7 +1,12 @@
-"""Text of a survey on standard output."""
+"""Text of a survey on standard output, and the command that reads recordings, quoted for a shell."""
+
+import shlex
+from collections.abc import Mapping
 
 from rich.markup import escape
 
+from rearl_jax.config.data import TABLE_KEYS, BadRows, DataConfig
+from rearl_jax.config.quoting import quoted
 from rearl_jax.console import print_notes, standard_output, titled_table
 from rearl_jax.data.survey.proposal import Proposal
 from rearl_jax.data.survey.sample import Sample
@@ -59,3 +64,24 @@ def print_trial(trial: Trial, command: str) -> None:
 def shown(text: str) -> str:
     """A text from a file without characters that would move the cursor or end the line."""
     return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
+
+
+def command_of(data: DataConfig) -> str:
+    """The `rearl prepare` command for recordings in files, its words quoted for the shell."""
+    words = ["rearl", "prepare", f"data={data.format.name}"]
+    if data.root is not None:
+        words.append(f"data.root={quoted(data.root)}")
+    for key in TABLE_KEYS:
+        if given := getattr(data, key):
+            words.append(f"data.{key}={mapping_text(given)}")
+    if data.ring is not None:
+        words.append(f"data.ring={data.ring:.10g}")
+    if data.on_bad is not BadRows.stop:
+        words.append(f"data.on_bad={data.on_bad.name}")
+    return shlex.join(words)
+
+
+def mapping_text(given: Mapping[str, object]) -> str:
+    """A mapping as a value of the command line."""
+    pairs = (f"{name}: {'null' if value is None else quoted(str(value))}" for name, value in given.items())
+    return "{" + ", ".join(pairs) + "}"

@@ -13,11 +13,7 @@ def judge_sides(proposal: Proposal, sample: Sample) -> None:
     """Leaves out lanes and lateral positions that count in opposite directions, and states other uncertainties.
 
     If both count from the same side, the values do not show whether it is the left one; only canonical names, whose
-    meaning is defined, do.
-
-    Args:
-        proposal: Proposed columns; changed in place.
-        sample: Their values.
+    meaning is defined, do. The proposal is changed in place.
     """
     lane, lateral = proposal.taken.get("lane"), proposal.taken.get("lateral")
     values = {column.name: column.values for column in sample.columns}

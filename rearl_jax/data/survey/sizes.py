@@ -22,13 +22,7 @@ _LEAST_QUARTILE = 0.6
 
 @dataclass(frozen=True)
 class Size:
-    """A column of lengths or widths.
-
-    Attributes:
-        column: The column.
-        unit: Its unit.
-        why: Reason for both.
-    """
+    """A column of lengths or widths, its unit, and the reason for both."""
 
     column: FoundColumn
     unit: str
@@ -42,12 +36,7 @@ class Size:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of the vehicles.
-
-    Attributes:
-        taken: Column of the lengths and of the widths, by canonical name.
-        refused: Reasons for leaving out columns that have such a name, by name in the file.
-    """
+    """Columns of lengths and widths by canonical name, and reasons for leaving out others by their name in the file."""
 
     taken: dict[str, Size] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)

@@ -6,9 +6,8 @@ from typing import Any
 
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.readers import reader_of
-from rearl_jax.data.survey.command import command_of
 from rearl_jax.data.survey.proposal import proposal_of
-from rearl_jax.data.survey.report import print_format, print_sample, print_trial
+from rearl_jax.data.survey.report import command_of, print_format, print_sample, print_trial
 from rearl_jax.data.survey.sample import sample_of
 from rearl_jax.data.survey.sides import judge_sides
 from rearl_jax.data.survey.trial import tried

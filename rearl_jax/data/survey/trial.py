@@ -23,14 +23,9 @@ _CAUSED_BY = {"y": "lateral"}
 
 @dataclass
 class Trial:
-    """Result of reading a table on trial.
+    """Result of reading a table on trial with a configuration; without an error it can be read.
 
-    Attributes:
-        data: The configuration that reads it.
-        recordings: Its recordings: id, rows, vehicles, frame_rate.
-        notes: Notes on them, each once.
-        dropped: Rows and tracks that are left out, by cause.
-        error: Why it cannot be read; None if it can.
+    Its recordings have the keys id, rows, vehicles and frame_rate; rows and tracks are dropped by cause.
     """
 
     data: DataConfig
@@ -47,12 +42,9 @@ class Trial:
 
 
 def tried(root: str, proposal: Proposal, present: list[str]) -> Trial:
-    """The table as it can be read; columns that the reader refuses are moved to `proposal.refused`.
+    """The table as it can be read, a file, or a folder of files that all have the columns `present`.
 
-    Args:
-        root: File, or folder of files of the same columns.
-        proposal: Proposed meaning of its columns; changed in place.
-        present: Names of all columns.
+    Columns that the reader refuses are moved to `proposal.refused`.
     """
     while True:
         keys = {"columns": proposal.columns(present), "units": proposal.units, "ring": proposal.ring}

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.labels import with_labels
 from rearl_jax.data.checks.losses import Losses
-from rearl_jax.data.checks.recording_names import require_own_rows, without_blanks
+from rearl_jax.data.checks.stray_rows import require_own_rows, without_blanks
 from rearl_jax.data.files.columnar import column_names, is_parquet, is_text, read_columns, stored_text
 from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files, recordings_missing, tables_of_study, tell_of_unfinished
@@ -86,11 +86,7 @@ class TableFile:
         return [str(name) for name in found]
 
     def read(self, recording: str, labels: Sequence[str] = ()) -> Recording:
-        """One recording of the file, checked.
-
-        Args:
-            recording: Its id.
-            labels: Columns that are labels of its tracks, in addition to those that the file states itself.
+        """One recording of the file, checked; with columns that are labels of its tracks beside those that it states.
 
         Raises:
             BadRecordingError: The file or a row breaks the schema.
@@ -116,16 +112,16 @@ class TableFile:
         if rows.empty:
             text = "the table has no rows" + (" that are whole" if losses.counts else "")
             raise bad_recording("no-rows", text, "remove the file or complete it", self.path)
-        done = completed(rows, spelling, self._policy, str(self.path))
-        rows, info = done.rows, stated.get(recording)
+        rows, notes, added = completed(rows, spelling, self._policy, str(self.path))
+        info = stated.get(recording)
         if info is None:
             self._require_known(stated)
             source = str(self.path), self.path.name
             rows, info = info_of_rows(recording, rows, *source, is_in_seconds=spelling.has_clock)
         unread = on_unread(spelling, self._policy, [name for name in further if name not in texts])
-        info = replace(info, notes=tuple(dict.fromkeys([*info.notes, *done.notes, *self._remarks, *unread])))
+        info = replace(info, notes=tuple(dict.fromkeys([*info.notes, *notes, *self._remarks, *unread])))
         info = replace(info, columns=spelling.foreign)
-        info = with_labels(info, (*labels, *done.labels), [*further, *done.labels])
+        info = with_labels(info, (*labels, *added), [*further, *added])
         return Recording(info, *validate(rows, info, self._policy, losses))
 
     def _require_known(self, stated: dict[str, RecordingInfo]) -> None:

@@ -4,7 +4,6 @@ Notes of the recording state everything that is assumed or derived.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -25,31 +24,13 @@ _MAX_STEP = 1e6  # frames; beyond it the number is not a frame
 _NAME_FRAMES = "name the column of frames: 'data.columns={frame: NAME}'"
 
 
-@dataclass(frozen=True)
-class Completed:
-    """Canonical rows of a foreign table.
+def completed(
+    rows: pd.DataFrame, spelling: Spelling, data: DataConfig, file: str
+) -> tuple[pd.DataFrame, tuple[str, ...], tuple[str, ...]]:
+    """The rows in SI units with every required column, notes on the changes, and labels of tracks that were added.
 
-    Attributes:
-        rows: The rows.
-        notes: Remarks on the values filled in.
-        labels: Labels of tracks that were added.
-    """
-
-    rows: pd.DataFrame
-    notes: tuple[str, ...]
-    labels: tuple[str, ...]
-
-
-def completed(rows: pd.DataFrame, spelling: Spelling, data: DataConfig, file: str) -> Completed:
-    """The rows in SI units with every required column, and notes on the changes.
-
-    Times whose unit is not stated stay as they are.
-
-    Args:
-        rows: Rows under canonical names; the index holds the row numbers of the source.
-        spelling: Their spelling in the table.
-        data: `default_length` and `ring`.
-        file: For messages.
+    Times whose unit is not stated stay as they are. The given rows are already under canonical names; their index holds
+    the row numbers of the source.
 
     Raises:
         BadRecordingError: A column is missing that does not follow from others, or an id or a time cannot be read.
@@ -73,7 +54,7 @@ def completed(rows: pd.DataFrame, spelling: Spelling, data: DataConfig, file: st
         rows, of_ring = unrolled(rows, data.ring, file)
         of_centres += of_ring
     rows, of_others = _with_defaults(rows, data)
-    return Completed(rows, (*notes, *of_ids, *of_frames, *of_centres, *of_others), (LABEL,) if of_ids else ())
+    return rows, (*notes, *of_ids, *of_frames, *of_centres, *of_others), (LABEL,) if of_ids else ()
 
 
 def _in_si(rows: pd.DataFrame, spelling: Spelling, file: str) -> pd.DataFrame:

@@ -11,7 +11,7 @@ from pandas.util import hash_pandas_object
 
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.checks.labels import with_labels
-from rearl_jax.data.checks.recording_names import require_own_rows, without_blanks
+from rearl_jax.data.checks.stray_rows import require_own_rows, without_blanks
 from rearl_jax.data.problems import recording_unnamed
 from rearl_jax.data.reader import Entry
 from rearl_jax.data.records import Recording
@@ -94,11 +94,11 @@ class _Rows:
             rows = rows.iloc[np.flatnonzero(self._names == name)].drop(columns="recording")
         canonical = [column.name for column in COLUMNS]
         further = [str(column) for column in rows.columns if column not in canonical]
-        done = completed(rows, spelling, data, NAME)
-        rows, info = info_of_rows(name, done.rows, NAME, "a table in memory", is_in_seconds=spelling.has_clock)
+        rows, notes, added = completed(rows, spelling, data, NAME)
+        rows, info = info_of_rows(name, rows, NAME, "a table in memory", is_in_seconds=spelling.has_clock)
         unread = on_unread(spelling, data, [name for name in further if name not in labels])
-        info = replace(info, notes=(*info.notes, *done.notes, *unread), columns=spelling.foreign)
-        info = with_labels(info, (*labels, *done.labels), [*further, *done.labels])
+        info = replace(info, notes=(*info.notes, *notes, *unread), columns=spelling.foreign)
+        info = with_labels(info, (*labels, *added), [*further, *added])
         return Recording(info, *validate(rows, info, data))
 
     @cached_property

@@ -23,12 +23,7 @@ _MAX_DAMAGED_SHARE = 0.05
 def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str | None]:
     """Texts as numbers, or as seconds since 1970 (or midnight) if they are dates and times; and how they are written.
 
-    The second value is None for numbers.
-
-    Args:
-        times: Texts; the index holds the row numbers of the source.
-        file: For messages.
-        column: For messages.
+    The second value is None for numbers. The index of the texts holds the row numbers of the source.
 
     Raises:
         BadRecordingError: One of them cannot be read, only some state their offset from UTC, or day and month cannot be

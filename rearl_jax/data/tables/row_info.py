@@ -33,12 +33,7 @@ def info_of_rows(
 ) -> tuple[pd.DataFrame, RecordingInfo]:
     """The rows on a road that begins at 0, with times in s, and frame rate, lanes and road length of the recording.
 
-    Args:
-        recording: Its id.
-        rows: Canonical rows.
-        file: Name of their file, for messages.
-        source: Name of the data set.
-        is_in_seconds: True if the times are known to be in s; else their unit is derived from the rows.
+    The unit of times that are not known to be in s is derived from the rows; `source` is the name of the data set.
 
     Raises:
         BadRecordingError: There is no column `time`, or its unit or the frame rate cannot be determined.

@@ -72,12 +72,9 @@ class Spelling:
 
 
 def spelling_of(data: DataConfig, present: Sequence[str], file: str) -> Spelling:
-    """Spelling of a table with these columns; a column that no key names has its canonical name.
+    """Spelling of a table with these columns by `data.columns`, `data.units` and `data.classes`.
 
-    Args:
-        data: `columns`, `units` and `classes`.
-        present: Names of all columns of the table.
-        file: For messages.
+    A column that no key names has its canonical name.
 
     Raises:
         InvalidInputError: A key names no canonical column, two name the same column, or a unit or class is unknown.
@@ -140,12 +137,9 @@ def _classes(given: Mapping[Any, object]) -> dict[str, str]:
 
 
 def on_unread(spelling: Spelling, data: DataConfig, others: Sequence[str]) -> tuple[str, ...]:
-    """Note on columns that are not read although they have a usual name of a column that is missing.
+    """Note on the other columns, which are not read, that have a usual name of a column that is missing.
 
-    Args:
-        spelling: Spelling of the table.
-        data: `columns`; one that it names, also as null, is not missing.
-        others: Names of the columns that are not read.
+    A column that `data.columns` names, also as null, is not missing.
     """
     missing = [name for name in OPTIONAL if name not in spelling.columns and name not in data.columns]
     found = {name: next((other for other in others if rank_of(other, name) is not None), None) for name in missing}

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.checks.leader_ids import is_absent
+from rearl_jax.data.checks.leaders import is_absent
 from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording, source_row
 
@@ -25,12 +25,8 @@ _MAX_DAMAGED_SHARE = 0.02  # of the rows; if fewer ids are not numbers, and each
 def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """The rows with whole numbers in `track_id` and `leader_id`, the ids of the source as LABEL, and notes.
 
-    Ids that are whole numbers stay as they are.
-
-    Args:
-        rows: Rows whose ids may be of any kind; the index holds the row numbers of the source.
-        file: For messages.
-        spelling: Names in the file of canonical columns that have others there.
+    Ids that are whole numbers stay as they are. The index of the rows holds the row numbers of the source; `spelling`
+    the names in the file of canonical columns that have others there.
 
     Raises:
         BadRecordingError: A few ids are not numbers where the others are.

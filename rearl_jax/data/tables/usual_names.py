@@ -80,12 +80,7 @@ def rank_of(name: str, canonical: str) -> int | None:
 
 
 def unit_in(name: str, kind: str) -> str | None:
-    """Unit of a kind that a name states, in brackets or as its last word; None for none.
-
-    Args:
-        name: Name of a column.
-        kind: SI unit of the kind, a key of UNITS.
-    """
+    """Unit of a kind, a key of UNITS, that a name states, in brackets or as its last word; None for none."""
     words = _words(name)
     candidates = [*_BRACKETS.findall(name), *words[1:][-1:]]
     if "_" in name:

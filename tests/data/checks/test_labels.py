@@ -9,13 +9,13 @@ import pytest
 
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.checks.labels import track_labels
-from rearl_jax.data.formats.openacc_index import FILE, labels_of_run
+from rearl_jax.data.formats.openacc_labels import INDEX_FILE, labels_of_run
 from rearl_jax.data.recordings import data_id, iterate_recordings, label_of_same
 from rearl_jax.data.records import Recording
 from rearl_jax.data.tables.canonical import TableFile, write_recording
 from rearl_jax.data.tables.in_memory import in_memory
-from tests.data.changed_rows import with_values
 from tests.data.formats.test_openacc import _platoon
+from tests.data.made_rows import with_values
 from tests.data.table_files import write_table
 from tests.refusal import refused
 
@@ -65,7 +65,7 @@ def test_cars_of_openacc_have_model_and_setting(tmp_path):
     data = DataConfig(DataFormat.openacc, str(tmp_path))
     assert [recording.info.labels for recording in iterate_recordings(data)] == [("model",)] * 4
     without = data_id(data)
-    (tmp_path / FILE).write_text(INDEX)
+    (tmp_path / INDEX_FILE).write_text(INDEX)
     assert data_id(data) != without
     recordings = list(iterate_recordings(data))
     assert recordings[0].labels["model"].to_dict() == {1: "M1", 2: "M2", 3: "M3", 4: "M4"}
@@ -77,7 +77,7 @@ def test_cars_of_openacc_have_model_and_setting(tmp_path):
 
 @pytest.mark.parametrize("line", ["run_1.csv,,,['2'],['S'],1", "run_1.csv,,,['1'],['X'],1"])
 def test_an_index_that_states_nothing_usable_stops(tmp_path, line):
-    index = tmp_path / FILE
+    index = tmp_path / INDEX_FILE
     index.write_text(f"{INDEX.splitlines()[0]}\n{line}\n")
     with refused("label-unusable", file=str(index)):
         labels_of_run(index, "run_1")

@@ -4,14 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig
-from rearl_jax.data.recordings import iterate_recordings
-from rearl_jax.data.tables.in_memory import in_memory
+from tests.data.table_files import read_rows
 
 
 def _notes(rows):
-    (recording,) = iterate_recordings(in_memory(rows.assign(time=rows["frame"] / 10.0), DataConfig()))
-    return recording.info.notes[1:]
+    return read_rows(rows.assign(time=rows["frame"] / 10.0)).info.notes[1:]
 
 
 def test_sound_rows_need_no_note(vehicle_rows):

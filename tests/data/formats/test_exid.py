@@ -11,7 +11,7 @@ from benchmarks.sensor_layouts import LANE_WIDTH, exid_meta, exid_rows, traffic
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.problems import MissingInputError
-from tests.data.changed_rows import with_values
+from tests.data.made_rows import with_values
 from tests.refusal import refused
 
 RATE = 10.0

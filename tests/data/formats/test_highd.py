@@ -12,7 +12,7 @@ import pytest
 from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.formats.highd import find_recordings, read_recording
 from rearl_jax.problems import MissingInputError
-from tests.data.changed_rows import with_values
+from tests.data.made_rows import with_values
 from tests.refusal import refused
 
 STOP = DataConfig()

@@ -212,6 +212,12 @@ def test_windows_must_be_positive(tmp_path):
             replace(DataConfig(DataFormat.i24, str(tmp_path)), **{name: 0.0}).check()
 
 
+@pytest.mark.parametrize("keys", [{"section": 5.0}, {"window": 0.4}])
+def test_parts_too_small_for_names_of_their_own_are_refused(found, read, keys):
+    with refused("out-of-range", InvalidInputError, key="data.section"):
+        read(found, **keys)
+
+
 def test_lateral_positions_of_one_carriageway_in_another_unit_stop(read):
     documents = [i24_document(vehicle) for vehicle in islice(traffic(10.0, n_lanes=4), 24)]
     other = [{**d, "y_position": [0.3048 * y for y in d["y_position"]]} if d["direction"] < 0 else d for d in documents]

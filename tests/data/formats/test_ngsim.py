@@ -9,7 +9,8 @@ from rearl_jax.data.formats.ngsim_pairs import find_pairs, pairs_recordings, rea
 from rearl_jax.data.formats.ngsim_published import PublishedFile, find_published
 from rearl_jax.data.recordings import count_recordings, iterate_recordings
 from rearl_jax.problems import MissingInputError
-from tests.data.changed_rows import with_values
+from tests.data.formats.ngsim_files import published, text_of
+from tests.data.made_rows import with_values
 from tests.refusal import refused
 
 STOP = DataConfig()
@@ -65,37 +66,6 @@ def test_debouncing_forgets_flicker_and_keeps_changes_within_a_track():
 
 # Published tables
 
-FEET = 1.0 / 0.3048
-KEYS = {"us-101": 1118846979700, "i-80": 1113433136100}  # global time of frame 0 [ms], 07:49:39 and 15:58:56
-
-
-def _published(place: str = "us-101", start: int = 0, n: int = 60) -> pd.DataFrame:
-    """Two cars and a truck in feet; vehicle 2 follows vehicle 1."""
-    frames = np.arange(n) + 100
-    rows = []
-    for vehicle, lane, kind, y, preceding in ((1, 2, 2, 60.0, 0), (2, 2, 2, 30.0, 1), (3, 3, 3, 40.0, 0)):
-        rows.append(
-            pd.DataFrame(
-                {
-                    "Vehicle_ID": vehicle,
-                    "Frame_ID": frames,
-                    "Total_Frames": n,
-                    "Global_Time": KEYS[place] + start + 100 * frames,
-                    "Local_X": (3.5 * lane - 1.75) * FEET,
-                    "Local_Y": (y + 1.2 * np.arange(n)) * FEET,
-                    "v_Length": (12.0 if kind == 3 else 4.5) * FEET,
-                    "v_Width": (2.5 if kind == 3 else 1.8) * FEET,
-                    "v_Class": kind,
-                    "v_Vel": 12.0 * FEET,
-                    "v_Acc": 0.5 * FEET,
-                    "Lane_ID": lane,
-                    "Preceding": preceding,
-                    "Location": place,
-                }
-            )
-        )
-    return pd.concat(rows, ignore_index=True)
-
 
 def _write(folder, rows: pd.DataFrame, name: str = "trajectories.csv") -> PublishedFile:
     rows.to_csv(folder / name, index=False)
@@ -103,7 +73,7 @@ def _write(folder, rows: pd.DataFrame, name: str = "trajectories.csv") -> Publis
 
 
 def test_a_leader_0_is_a_vehicle_only_where_one_with_this_id_is_ahead(tmp_path):
-    rows = _published()
+    rows = published()
     for none in (0, -1, 9999):
         stated = rows.assign(Preceding=rows["Preceding"].replace(0, none))
         leader = _write(tmp_path, stated).read("us101_0750").table.groupby("track_id")["leader_id"].first()
@@ -117,7 +87,7 @@ def test_a_leader_0_is_a_vehicle_only_where_one_with_this_id_is_ahead(tmp_path):
 
 
 def test_feet_become_metres_and_the_front_becomes_the_centre(tmp_path):
-    file = _write(tmp_path, _published())
+    file = _write(tmp_path, published())
     assert file.recordings() == ["us101_0750"]
     recording = file.read("us101_0750")
     table = recording.table
@@ -136,24 +106,24 @@ def test_feet_become_metres_and_the_front_becomes_the_centre(tmp_path):
 
 
 def test_recordings_are_told_apart_by_their_clock_and_arterials_are_passed_over(tmp_path):
-    later = _published(start=863_000)
-    street = _published().assign(Location="lankershim")
-    file = _write(tmp_path, pd.concat([_published(), later, street, _published("i-80")]))
+    later = published(start=863_000)
+    street = published().assign(Location="lankershim")
+    file = _write(tmp_path, pd.concat([published(), later, street, published("i-80")]))
     assert file.recordings() == ["i80_0400", "us101_0750", "us101_0805"]
     for name in file.recordings():
         assert len(file.read(name).table) == 180
 
 
 def test_a_time_of_another_frame_stops_instead_of_hiding_the_recording(tmp_path):
-    rows = _published()
+    rows = published()
     rows.loc[70, "Global_Time"] += 100
     with refused("time-contradicts-frame", column="Global_Time", row=71):
         _write(tmp_path, rows).recordings()
 
 
 def test_row_order_and_spelling_of_columns_do_not_matter(tmp_path):
-    expected = _write(tmp_path, _published()).read("us101_0750").table
-    other = _published().sample(frac=1.0, random_state=0)
+    expected = _write(tmp_path, published()).read("us101_0750").table
+    other = published().sample(frac=1.0, random_state=0)
     other = other.rename(columns={"v_Length": "v_length", "Preceding": "Preceeding", "Lane_ID": "lane id"})
     (tmp_path / "b").mkdir()
     found = _write(tmp_path / "b", other.rename(columns=str.upper)).read("us101_0750")
@@ -162,20 +132,16 @@ def test_row_order_and_spelling_of_columns_do_not_matter(tmp_path):
 
 
 def test_original_text_files_without_a_header_are_read(tmp_path):
-    expected = _write(tmp_path, _published()).read("us101_0750").table
-    rows = _published().drop(columns="Location")
-    for at, name in ((6, "Global_X"), (7, "Global_Y"), (15, "Following"), (16, "Space"), (17, "Time")):
-        rows.insert(at, name, 0.0)
+    expected = _write(tmp_path, published()).read("us101_0750").table
     (tmp_path / "b").mkdir()
-    text = rows.to_string(header=False, index=False)
-    (tmp_path / "b" / "US-101-trajectories-0750am-0805am.txt").write_text(text)
+    (tmp_path / "b" / "US-101-trajectories-0750am-0805am.txt").write_text(text_of(published()))
     file = PublishedFile(find_published(tmp_path / "b")[0], STOP)
     assert file.recordings() == ["us101_0750"]
     pd.testing.assert_frame_equal(file.read("us101_0750").table, expected, rtol=1e-5)
 
 
 def test_exact_copies_stop_or_are_counted(tmp_path):
-    rows = _published()
+    rows = published()
     _write(tmp_path, pd.concat([rows, rows.iloc[20:50]]))
     path = find_published(tmp_path)[0]
     with refused("exact-duplicate", row=181):
@@ -187,9 +153,9 @@ def test_exact_copies_stop_or_are_counted(tmp_path):
 
 
 def test_an_id_used_again_in_a_recording_becomes_another_vehicle(tmp_path):
-    again = _published(n=40)
+    again = published(n=40)
     again = again.assign(Frame_ID=again["Frame_ID"] + 500, Global_Time=again["Global_Time"] + 50_000)
-    recording = _write(tmp_path, pd.concat([_published(), again])).read("us101_0750")
+    recording = _write(tmp_path, pd.concat([published(), again])).read("us101_0750")
     assert recording.dropped == {"gap_cuts": 3}
     assert recording.table.groupby("track_id").size().tolist() == [60, 60, 60, 40, 40, 40]
     # Vehicle 2 follows vehicle 1 into its second life.
@@ -198,27 +164,28 @@ def test_an_id_used_again_in_a_recording_becomes_another_vehicle(tmp_path):
 
 
 def test_a_table_in_metres_and_an_unknown_class_are_found(tmp_path):
-    metres = _published()
+    metres = published()
     metres[["Local_X", "Local_Y", "v_Length", "v_Width", "v_Vel", "v_Acc"]] *= 0.3048
-    with refused("wrong-units", column="v_Length", row=1):
+    with refused("wrong-units", column="v_Length", row=1) as caught:
         _write(tmp_path, metres).read("us101_0750")
-    _write(tmp_path, _published().assign(v_Class=lambda t: t["v_Class"].replace(3, 5)))
+    assert "metres, read as feet?" in str(caught.value)
+    _write(tmp_path, published().assign(v_Class=lambda t: t["v_Class"].replace(3, 5)))
     with refused("unknown-class", column="v_Class", row=121, fault="class 5 is unknown (and 59 more rows)"):
         PublishedFile(find_published(tmp_path)[0], STOP).read("us101_0750")
 
 
 def test_missing_columns_and_values_stop(tmp_path):
-    _write(tmp_path, _published().drop(columns="v_Vel"))
+    _write(tmp_path, published().drop(columns="v_Vel"))
     with refused("column-missing", column="v_Vel"):
         PublishedFile(find_published(tmp_path)[0], STOP).recordings()
-    rows = _published().astype({"Vehicle_ID": "Int64"})
+    rows = published().astype({"Vehicle_ID": "Int64"})
     rows.loc[9, "Vehicle_ID"] = None
     _write(tmp_path, rows)
     with refused("not-finite", column="Vehicle_ID", row=10):
         PublishedFile(find_published(tmp_path)[0], STOP).recordings()
     dropped = PublishedFile(find_published(tmp_path)[0], DROP_ROW).read("us101_0750").dropped
     assert dropped == {"not_finite": 1, "gap_cuts": 1, "fragment": 9, "tracks": 1}
-    no_length = _published()
+    no_length = published()
     no_length.loc[9, "v_Length"] = np.nan
     _write(tmp_path, no_length)
     with refused("not-finite", column="v_Length", row=10):

@@ -10,7 +10,7 @@ from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.formats.ngsim_published import PublishedFile
 from rearl_jax.data.recordings import count_recordings, iterate_recordings
 from rearl_jax.problems import MissingInputError
-from tests.data.formats.test_ngsim import _published
+from tests.data.formats.ngsim_files import published, text_of
 from tests.refusal import refused
 
 QUARTER = 15 * 60_000  # ms
@@ -30,7 +30,7 @@ def _shifted(rows: pd.DataFrame, where: pd.Series, by: int) -> pd.DataFrame:
     [((3,), (120, 130)), ((3,), (100, 130)), ((3,), (140, 160)), ((3,), (100, 160)), ((1, 3), (120, 130))],
 )
 def test_rows_with_a_shifted_clock_are_no_recording(tmp_path, vehicles, frames):
-    rows = _published()
+    rows = published()
     where = rows["Vehicle_ID"].isin(vehicles) & rows["Frame_ID"].between(frames[0], frames[1] - 1)
     file = _file(tmp_path, _shifted(rows, where, 20 * 60_000))
     with refused("time-contradicts-frame", column="Global_Time", row=int(np.argmax(where)) + 1) as caught:
@@ -40,7 +40,7 @@ def test_rows_with_a_shifted_clock_are_no_recording(tmp_path, vehicles, frames):
 
 def _fleet(n: int, **columns) -> pd.DataFrame:
     """n vehicles one behind another, whose numbers are 1 .. n."""
-    one = _published().query("Vehicle_ID == 1").assign(Preceding=0, **columns)
+    one = published().query("Vehicle_ID == 1").assign(Preceding=0, **columns)
     return pd.concat([one.assign(Vehicle_ID=k, Local_Y=one["Local_Y"] + 50.0 * k) for k in range(1, n + 1)])
 
 
@@ -73,19 +73,19 @@ def test_rows_with_another_place_are_no_recording(tmp_path, place, vehicles, fra
 
 
 def test_recordings_of_an_unknown_place_and_of_that_of_the_file_name_are_read(tmp_path):
-    assert _file(tmp_path, _published().assign(Location="Autobahn 8")).recordings() == ["autobahn8_0750"]
-    blank = _published().assign(Location=lambda rows: rows["Location"].where(rows["Vehicle_ID"] < 3, " "))
+    assert _file(tmp_path, published().assign(Location="Autobahn 8")).recordings() == ["autobahn8_0750"]
+    blank = published().assign(Location=lambda rows: rows["Location"].where(rows["Vehicle_ID"] < 3, " "))
     assert _file(tmp_path, blank, "US-101.csv").recordings() == ["us101_0750"]
 
 
 def test_recordings_of_one_file_stay_apart(tmp_path):
     names = ["us101_0750", "us101_0805"]
-    both = pd.concat([_published(), _published(start=QUARTER)], ignore_index=True)
+    both = pd.concat([published(), published(start=QUARTER)], ignore_index=True)
     assert _file(tmp_path, both).recordings() == names
     # As many other vehicles in a recording that begins in the very next frame.
-    later = _published(start=QUARTER)
+    later = published(start=QUARTER)
     later[["Frame_ID", "Global_Time", "Vehicle_ID"]] += [60, 6000, 3]
-    assert _file(tmp_path, pd.concat([_published(), later], ignore_index=True)).recordings() == names
+    assert _file(tmp_path, pd.concat([published(), later], ignore_index=True)).recordings() == names
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_recordings_of_one_file_stay_apart(tmp_path):
 def test_a_time_in_another_unit_is_named(tmp_path, unit, factor, whole):
     if whole and factor < 1e-3:
         pytest.skip("six seconds are no whole minute")
-    rows = _published()
+    rows = published()
     time = rows["Global_Time"] * factor
     file = _file(tmp_path, rows.assign(Global_Time=np.floor(time).astype(np.int64) if whole else time))
     with refused("wrong-units", column="Global_Time") as caught:
@@ -105,16 +105,16 @@ def test_a_time_in_another_unit_is_named(tmp_path, unit, factor, whole):
 
 @pytest.mark.parametrize("lossy", [lambda time: time.map("{:.5E}".format), lambda time: time.astype(np.float32)])
 def test_times_that_lost_digits_are_named_as_such(tmp_path, lossy):
-    rows = _published()
+    rows = published()
     with refused("time-contradicts-frame", column="Global_Time", row=None) as caught:
         _file(tmp_path, rows.assign(Global_Time=lossy(rows["Global_Time"]))).recordings()
     assert "lost digits" in caught.value.problem.fault
 
 
 def test_whole_numbers_may_be_written_with_a_fraction_of_0(tmp_path):
-    expected = _file(tmp_path, _published()).read("us101_0750").table
+    expected = _file(tmp_path, published()).read("us101_0750").table
     names = ["Vehicle_ID", "Frame_ID", "Global_Time", "v_Class", "Lane_ID", "Preceding"]
-    as_float = _published().astype(dict.fromkeys(names, float))
+    as_float = published().astype(dict.fromkeys(names, float))
     pd.testing.assert_frame_equal(_file(tmp_path, as_float).read("us101_0750").table, expected)
     with refused("value-unreadable", column="Lane_ID", row=3):
         _file(tmp_path, as_float.assign(Lane_ID=as_float["Lane_ID"].where(as_float.index != 2, 2.5))).read("us101_0750")
@@ -122,31 +122,21 @@ def test_whole_numbers_may_be_written_with_a_fraction_of_0(tmp_path):
 
 @pytest.mark.parametrize("name", ["NGSIM_Peachtree_Vehicle_Trajectories.csv", "lankershim-0830am-0845am.txt"])
 def test_an_arterial_is_recognised_by_the_name_of_its_file(tmp_path, name):
-    rows = _published().drop(columns="Location")
-    if name.endswith(".txt"):
-        place = rows.columns.get_loc("Local_Y") + 1
-        further = ["Global_X", "Global_Y"], ["Following", "Space_Headway", "Time_Headway"]
-        rows = pd.concat(
-            [rows.iloc[:, :place], rows[["Lane_ID"] * 2].set_axis(further[0], axis=1), rows.iloc[:, place:]]
-            + [rows[["Lane_ID"] * 3].set_axis(further[1], axis=1)],
-            axis=1,
-        )
-        rows.to_csv(tmp_path / name, sep=" ", header=False, index=False)
-    else:
-        rows.to_csv(tmp_path / name, index=False)
+    rows = published().drop(columns="Location")
+    (tmp_path / name).write_text(text_of(rows) if name.endswith(".txt") else rows.to_csv(index=False))
     with refused("arterials-only", MissingInputError):
         count_recordings(DataConfig(DataFormat.ngsim, str(tmp_path)))
 
 
 @pytest.mark.parametrize("place", ["lankershim", "Lankershim Blvd"])
 def test_a_file_of_arterials_only_says_so(tmp_path, place):
-    _file(tmp_path, _published().assign(Location=place))
+    _file(tmp_path, published().assign(Location=place))
     data = DataConfig(DataFormat.ngsim, str(tmp_path))
     with refused("arterials-only", MissingInputError, file=str(tmp_path)) as caught:
         count_recordings(data)
     assert "lankershim" in caught.value.problem.fault
     assert "peachtree" not in caught.value.problem.fault
-    _file(tmp_path, _published(), "more.csv")
+    _file(tmp_path, published(), "more.csv")
     assert count_recordings(data) == 1
 
 
@@ -163,7 +153,7 @@ PROSE = "These are the paths of vehicles that 8 cameras above the 5 lanes of US 
     ],
 )
 def test_a_file_that_is_no_trajectory_table_is_named_as_such(tmp_path, name, text):
-    _file(tmp_path, _published())
+    _file(tmp_path, published())
     (tmp_path / name).write_text(text)
     with refused("not-a-table", file=str(tmp_path / name)):
         count_recordings(DataConfig(DataFormat.ngsim, str(tmp_path)))
@@ -182,7 +172,7 @@ def test_a_file_that_is_no_trajectory_table_is_named_as_such(tmp_path, name, tex
     ],
 )
 def test_a_placeholder_is_named_and_can_be_left_out(tmp_path, column, value, code, spelling):
-    rows = _published()
+    rows = published()
     unknown = (rows["Vehicle_ID"] == 3) & rows["Frame_ID"].between(120, 131)
     _file(tmp_path, rows.assign(**{column: rows[column].where(~unknown, value)}))
     data = DataConfig(DataFormat.ngsim, str(tmp_path))
@@ -193,19 +183,11 @@ def test_a_placeholder_is_named_and_can_be_left_out(tmp_path, column, value, cod
 
 
 def test_the_remedy_for_a_class_is_a_number_of_the_format(tmp_path):
-    rows = _published()
+    rows = published()
     rows.loc[rows["Vehicle_ID"] == 2, "v_Class"] = 0
     with refused("unknown-class", column="v_Class", row=61) as caught:
         _file(tmp_path, rows).read("us101_0750")
     assert "2 (car)" in str(caught.value)
-
-
-def test_metres_in_place_of_feet_are_named(tmp_path):
-    rows = _published()
-    metres = {name: 0.3048 * rows[name] for name in ("Local_X", "Local_Y", "v_Length", "v_Width", "v_Vel", "v_Acc")}
-    with refused("wrong-units", column="v_Length") as caught:
-        _file(tmp_path, rows.assign(**metres)).read("us101_0750")
-    assert "metres, read as feet?" in str(caught.value)
 
 
 def test_a_text_table_of_an_arterial_is_named(tmp_path):

@@ -7,7 +7,7 @@ from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.formats.published_names import split_unit
 from rearl_jax.data.readers import reader_of
 from rearl_jax.data.recordings import iterate_recordings
-from tests.data.formats.test_encodings import ngsim_rows
+from tests.data.formats.ngsim_files import published
 from tests.refusal import refused
 
 
@@ -35,7 +35,7 @@ def test_a_unit_stands_in_brackets_behind_the_name(name, parts):
 
 
 def test_units_in_the_names_of_columns_are_converted(read, tmp_path):
-    rows = ngsim_rows().assign(Preceding=0)
+    rows = published()
     expected = read(rows)
     units = {"Local_X": ("(m)", 0.3048), "Local_Y": ("[ft]", 1.0), "v_Vel": (" (km/h)", 1.09728)}
     units |= {"v_Acc": (" [m/s2]", 0.3048), "Global_Time": ("[s]", 1e-3), "Preceding": (" [-]", 1)}
@@ -48,7 +48,7 @@ def test_units_in_the_names_of_columns_are_converted(read, tmp_path):
 
 
 def test_an_unknown_unit_and_two_spellings_of_a_column_stop(read):
-    rows = ngsim_rows()
+    rows = published()
     with refused("unit-unknown", column="v_Vel (furlong/h)"):
         read(rows.rename(columns={"v_Vel": "v_Vel (furlong/h)"}))
     with refused("column-twice", column="Local_Y (m)"):

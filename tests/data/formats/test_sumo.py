@@ -190,20 +190,16 @@ def test_a_missing_row_is_a_gap(tmp_path):
         read(tmp_path)
 
 
-def test_other_outputs_of_sumo_are_passed_over_and_foreign_files_are_not(tmp_path):
-    sumo_files.write(tmp_path, TEXT)
-    (tmp_path / "trips.xml").write_text("<tripinfos/>")
-    assert count_recordings(DataConfig(DataFormat.sumo, str(tmp_path))) == 1
-    (tmp_path / "other.xml").write_text("<html/>")
-    with refused("not-a-table"):
-        read(tmp_path)
-
-
-@pytest.mark.parametrize("root", ["detector", "instantE1", "snapshot", "SSMLog", "full-export", "trajectories"])
-def test_outputs_of_detectors_and_devices_are_passed_over(tmp_path, root):
+@pytest.mark.parametrize(
+    "root", ["tripinfos", "detector", "instantE1", "snapshot", "SSMLog", "full-export", "trajectories"]
+)
+def test_other_outputs_of_sumo_are_passed_over_and_foreign_files_are_not(tmp_path, root):
     sumo_files.write(tmp_path, TEXT)
     (tmp_path / "e1.xml").write_text(f"<{root}/>")
     assert count_recordings(DataConfig(DataFormat.sumo, str(tmp_path))) == 1
+    (tmp_path / "other.xml").write_text("<html/>")
+    with refused("not-a-table"):
+        count_recordings(DataConfig(DataFormat.sumo, str(tmp_path)))
 
 
 def test_a_folder_without_floating_car_data_names_what_is_wanted(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.sensor_layouts import LANE_WIDTH, tgsim_rows, traffic
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.recordings import iterate_recordings
-from tests.data.changed_rows import with_values
+from tests.data.made_rows import with_values
 from tests.refusal import refused
 
 

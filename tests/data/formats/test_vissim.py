@@ -116,6 +116,7 @@ FIRST = next(number for number, line in enumerate(LINES) if line.startswith("$VE
         pytest.param("\n".join(LINES[: FIRST + 1]), "no-rows", {}, id="no-rows"),
         pytest.param("a;b\n1;2\n", "not-a-table", {}, id="foreign"),
         pytest.param(TEXT.replace("[km/h]", "[furlong/day]"), "unit-unknown", {"column": "SPEED"}, id="unit"),
+        pytest.param(TEXT.replace("[km/h]", "[m]"), "unit-unknown", {"column": "SPEED"}, id="unit of a length"),
         pytest.param(
             TEXT.replace(LINES[FIRST + 3], LINES[FIRST + 3].replace(";100;", ";100;x"), 1),
             "value-unreadable",

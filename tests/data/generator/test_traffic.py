@@ -11,9 +11,8 @@ from rearl_jax.data.generator import generate
 from rearl_jax.data.generator.camera import derivatives, smoothed
 from rearl_jax.data.generator.car_following import chosen_acceleration, free_speed, safe_speed
 from rearl_jax.data.generator.files import recording_files
-from rearl_jax.data.generator.fleet import Drivers, Fleet, draw_drivers
+from rearl_jax.data.generator.fleet import Drivers, Fleet, Situation, SpeedRestriction, draw_drivers
 from rearl_jax.data.generator.plan import plan_recording
-from rearl_jax.data.generator.situation import Situation, SpeedRestriction
 
 
 def _drivers(n: int, **values: float) -> Drivers:

@@ -12,35 +12,28 @@ from rearl_jax.config.scenes import (
     ScenesConfig,
     TracksConfig,
 )
-from rearl_jax.data.records import Recording, RecordingInfo
+from rearl_jax.data.records import Recording
 from rearl_jax.data.scenes.track_features import track_features
+from tests.data.scenes.made_recordings import recording
 
 
 def traffic(spans: dict[int, tuple[int, int]], seed: int = 0) -> Recording:
     """Tracks by id, recorded from the first to before the last of two frames."""
     rng = np.random.default_rng(seed)
-    rows = []
+    tracks = []
     for track_id, (first, end) in spans.items():
         frames = np.arange(first, end)
         speed = 20.0 + np.cumsum(rng.normal(0, 0.3, len(frames)))
         position = rng.uniform(0, 50) + np.cumsum(speed) / 10.0
-        columns = {
-            "track_id": track_id,
-            "frame": frames,
-            "direction": np.int8(1 + track_id % 2),
-            "x": position,
-        }
-        columns |= {"y": 4.0 * (track_id % 3), "position": position, "lane": track_id % 3, "speed": speed}
-        rows.append(pd.DataFrame(columns | {"length": 4.0}))
-    table = pd.concat(rows, ignore_index=True)
-    info = RecordingInfo("a", 10.0, {1: 3}, 400.0, "made for a test", "none", "nobody", generated=True)
-    return Recording(info, table)
+        track = {"id": track_id, "frames": frames, "direction": 1 + track_id % 2, "lane": track_id % 3}
+        tracks.append(track | {"y": 4.0 * (track_id % 3), "position": position, "speed": speed, "length": 4.0})
+    return recording(*tracks)
 
 
-def curves(recording, points=16, d=FeatureDistance.mean_all, direction=Direction.pooled, min_frames=20):
+def curves(source, points=16, d=FeatureDistance.mean_all, direction=Direction.pooled, min_frames=20):
     tracks = TracksConfig(min_frames, points)
     return track_features(
-        recording, PrepareTask(scenes=ScenesConfig(direction), tracks=tracks, features=FeaturesConfig(d))
+        source, PrepareTask(scenes=ScenesConfig(direction), tracks=tracks, features=FeaturesConfig(d))
     )
 
 

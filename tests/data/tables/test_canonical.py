@@ -113,9 +113,10 @@ def test_what_cannot_be_worked_out_is_asked_for(recording, tmp_path):
     recording.table.drop(columns="speed").to_parquet(path)
     with refused("column-missing", column="speed"):
         TableFile(path, STOP).read("made_07")
-    recording.table.assign(recording=None).to_parquet(path)
-    with refused("recording-unnamed", column="recording"):
-        TableFile(path, STOP).recordings()
+    for name in (None, "", "  "):
+        recording.table.assign(recording=name).to_parquet(path)
+        with refused("recording-unnamed", column="recording"):
+            TableFile(path, STOP).recordings()
 
 
 def test_a_failed_write_leaves_the_old_file(recording, tmp_path, monkeypatch):
@@ -194,10 +195,3 @@ def test_what_is_read_can_be_written_and_read_again(vehicle_rows, tmp_path, endi
     assert again.dropped == {}
     assert again.info.to_json() == recording.info.to_json()
     pd.testing.assert_frame_equal(again.table, recording.table)
-
-
-@pytest.mark.parametrize("name", ["", "  "])
-def test_a_recording_without_a_name_stops(name, timed_rows, tmp_path):
-    timed_rows.assign(recording=name).to_parquet(tmp_path / "a.parquet")
-    with refused("recording-unnamed", column="recording"):
-        list(iterate_recordings(DataConfig(DataFormat.table, str(tmp_path))))

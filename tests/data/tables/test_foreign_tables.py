@@ -7,11 +7,10 @@ import pytest
 from rearl_jax import cut_scenes, read_recordings
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.problems import BadRecordingError
-from rearl_jax.data.recordings import data_id, iterate_recordings
+from rearl_jax.data.recordings import data_id
 from rearl_jax.data.tables.canonical import TableFile, write_recording
-from rearl_jax.data.tables.in_memory import in_memory
 from rearl_jax.data.units import factor_of
-from tests.data.table_files import read_table, write_table
+from tests.data.table_files import read_rows, read_table, write_table
 from tests.refusal import refused
 
 COLUMNS = {"track_id": "Vehicle ID", "time": "t", "position": "dist", "speed": "v", "lane": "lane no"}
@@ -34,9 +33,7 @@ def foreign(vehicle_rows) -> pd.DataFrame:
 
 
 def _read(rows: pd.DataFrame, columns=COLUMNS, units=UNITS):
-    data = DataConfig(DataFormat.table, "unused", columns=dict(columns), units=dict(units))
-    (recording,) = iterate_recordings(in_memory(rows, data))
-    return recording
+    return read_rows(rows, columns=dict(columns), units=dict(units))
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet", ".dat"])

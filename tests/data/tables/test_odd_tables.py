@@ -12,15 +12,9 @@ import pytest
 from rearl_jax.cli.composition import compose_task
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import data_id, iterate_recordings
-from rearl_jax.data.tables.in_memory import in_memory
 from rearl_jax.tasks import TASKS
-from tests.data.table_files import read_table, write_table
+from tests.data.table_files import read_rows, read_table, write_table
 from tests.refusal import refused
-
-
-def _read(rows: pd.DataFrame):
-    (recording,) = iterate_recordings(in_memory(rows, DataConfig(DataFormat.table, "unused")))
-    return recording
 
 
 @pytest.fixture
@@ -31,16 +25,16 @@ def rows(timed_rows) -> pd.DataFrame:
 @pytest.mark.parametrize("nobody", [-1, 0, 9999, 65535])
 def test_a_number_that_is_no_vehicle_stands_for_no_leader(rows, nobody):
     stated = rows.assign(leader_id=rows["leader_id"].fillna(nobody).astype(np.int64))
-    found, expected = _read(stated), _read(rows)
+    found, expected = read_rows(stated), read_rows(rows)
     assert found.info.notes == expected.info.notes
     np.testing.assert_array_equal(found.table["leader_id"], expected.table["leader_id"])
     known = stated.assign(leader_id=stated["leader_id"].replace(nobody, 77))
-    assert any("such as 77" in note for note in _read(known).info.notes)
+    assert any("such as 77" in note for note in read_rows(known).info.notes)
 
 
 def test_a_number_that_is_a_vehicle_is_its_leader(rows):
     rows = rows.replace({"track_id": {1: 0}, "leader_id": {1.0: 0.0}})
-    table = _read(rows).table
+    table = read_rows(rows).table
     assert set(table.loc[table["track_id"] == 3, "leader_id"]) == {0}
 
 
@@ -68,23 +62,23 @@ def test_a_placeholder_is_named_in_the_column_that_holds_it(rows, name):
     rows = rows.drop(columns=["x", "y"])
     rows.loc[120:122, name] = -9999.0
     with refused("out-of-range", column=name, row=121):
-        _read(rows)
+        read_rows(rows)
 
 
 @pytest.mark.parametrize(("start", "form"), [("23:59:55", "%H:%M:%S.%f"), ("11:59:55", "%M:%S.%f")])
 def test_times_of_day_go_on_after_midnight_and_after_the_hour(rows, start, form):
     moments = pd.Timestamp(f"2024-05-31 {start}") + pd.to_timedelta((rows["frame"] - 7) / 10.0, unit="s")
-    found = _read(rows.drop(columns="frame").assign(time=moments.dt.strftime(form)))
+    found = read_rows(rows.drop(columns="frame").assign(time=moments.dt.strftime(form)))
     assert found.info.frame_rate == 10.0
     assert any("begins anew" in note for note in found.info.notes)
     np.testing.assert_allclose(found.table["position"], rows["position"])
     early = moments - pd.Timedelta(seconds=30)  # ends before
-    found = _read(rows.drop(columns="frame").assign(time=early.dt.strftime(form)))
+    found = read_rows(rows.drop(columns="frame").assign(time=early.dt.strftime(form)))
     assert not any("begins anew" in note for note in found.info.notes)
 
 
 def test_lateral_positions_of_a_map_count_from_the_left_edge(rows):
-    found = _read(rows.drop(columns=["x", "y"]).assign(lateral=rows["lateral"] + 5_700_000.0))
+    found = read_rows(rows.drop(columns=["x", "y"]).assign(lateral=rows["lateral"] + 5_700_000.0))
     np.testing.assert_allclose(found.table["lateral"], rows["lateral"], atol=1e-6)
     assert any("subtracted from the lateral positions" in note for note in found.info.notes)
 
@@ -92,7 +86,7 @@ def test_lateral_positions_of_a_map_count_from_the_left_edge(rows):
 def test_rows_with_further_empty_fields_are_whole(rows, tmp_path):
     head, *lines = rows.to_csv(index=False).splitlines()
     (tmp_path / "a.csv").write_text("\n".join([head, *(f"{line},," for line in lines)]), encoding="utf-8")
-    found, expected = read_table(tmp_path / "a.csv").table, _read(rows).table
+    found, expected = read_table(tmp_path / "a.csv").table, read_rows(rows).table
     pd.testing.assert_frame_equal(found.drop(columns="recording"), expected.drop(columns="recording"))
     (tmp_path / "a.csv").write_text("\n".join([head, *(f"{line},7" for line in lines)]), encoding="utf-8")
     with refused("line-broken", row=1):
@@ -198,7 +192,7 @@ def test_a_row_that_is_there_twice_makes_no_words_of_ids(rows, tmp_path):
     stated = rows.assign(leader_id=rows["leader_id"].fillna(0).astype(np.int64))
     pd.concat([stated, stated.iloc[[50]]]).to_csv(tmp_path / "a.csv", index=False)
     found = read_table(tmp_path / "a.csv", on_bad="drop_row").table
-    np.testing.assert_array_equal(found["leader_id"].isna(), _read(rows).table["leader_id"].isna())
+    np.testing.assert_array_equal(found["leader_id"].isna(), read_rows(rows).table["leader_id"].isna())
 
 
 def test_an_apostrophe_in_a_word_encloses_nothing(rows, tmp_path):
@@ -243,7 +237,7 @@ def test_an_empty_class_is_what_is_stated_and_the_advice_helps(rows, tmp_path):
 @pytest.mark.parametrize("word", ["car (M1)", "Car, small: #1", "a {b}", 'say "car"', "yes"])
 def test_the_advice_for_an_odd_class_can_be_typed(rows, word):
     with refused("unknown-class") as stopped:
-        _read(rows.assign(vehicle_class=word))
+        read_rows(rows.assign(vehicle_class=word))
     (advice,) = re.findall(r"'data\.classes=(\{.*: car\})'", stopped.value.problem.remedy)
     prepare = next(task for task in TASKS if task.words == "prepare")
     config = compose_task(prepare, ["data=table", "data.root=.", f"data.classes={advice}"], None)
@@ -255,7 +249,7 @@ def test_the_least_integer_stands_for_an_unknown_value(rows, tmp_path, ending):
     path, least = tmp_path / f"a.{ending}", -(2**63)
     stated = rows.assign(leader_id=rows["leader_id"].fillna(least).astype(np.int64))
     found = read_table(write_table(stated, path))
-    np.testing.assert_array_equal(found.table["leader_id"], _read(rows).table["leader_id"])
+    np.testing.assert_array_equal(found.table["leader_id"], read_rows(rows).table["leader_id"])
     lane = rows["lane"].where(rows.index != 120, least).astype(np.int64)
     with refused("lane-out-of-range", column="lane", row=121):
         read_table(write_table(rows.assign(lane=lane), path))
@@ -266,8 +260,8 @@ def test_the_least_integer_stands_for_an_unknown_value(rows, tmp_path, ending):
 def test_times_too_coarse_for_frames_are_named(rows, rounded):
     coarse = rows.assign(time=rounded((rows["frame"] - 7) * 10.0 / 15.0) / 10.0, speed=1.5 * rows["speed"])
     with refused("times-too-coarse", column="time"):
-        _read(coarse.drop(columns="frame"))
-    assert _read(coarse).info.frame_rate == 15.0
+        read_rows(coarse.drop(columns="frame"))
+    assert read_rows(coarse).info.frame_rate == 15.0
 
 
 def test_ids_that_lost_digits_are_named(rows, tmp_path):
@@ -284,12 +278,12 @@ def test_ids_that_lost_digits_are_named(rows, tmp_path):
 def test_the_vehicle_with_another_clock_is_named(rows):
     other = rows["track_id"] == 2
     with refused("wrong-units", column="time", row=101) as stopped:
-        _read(rows.assign(time=rows["time"].where(~other, 1000.0 * rows["time"])))
+        read_rows(rows.assign(time=rows["time"].where(~other, 1000.0 * rows["time"])))
     assert all(fact in stopped.value.problem.fault for fact in ("of vehicle 2 ", "ms"))
 
 
 def test_times_that_go_back_are_named(rows):
     back = rows["time"].where(rows["frame"] < 60, rows["time"] - 3600.0)
     with refused("frame-rate-unknown", column="time") as stopped:
-        _read(rows.assign(time=back))
+        read_rows(rows.assign(time=back))
     assert "UTC" in stopped.value.problem.remedy

@@ -1,15 +1,23 @@
-"""Index of OpenACC's runs (see `openacc`): whether cruise control was on, and the time gap it was set to."""
+"""Labels of OpenACC's runs (see `openacc`): whether cruise control drove, also where that changes, and its time gap."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import BadRows
+from rearl_jax.data.checks.losses import split_tracks
 from rearl_jax.data.files.delimited import read_csv
 from rearl_jax.data.problems import bad_recording
+from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.vehicle_rows import follows_row_before
 
-FILE = "zalazone_index.csv"
+ACC = "acc"
+"""Label of tracks: 1 with adaptive cruise control, 0 with people at the wheel; None if the file does not state it."""
+INDEX_FILE = "zalazone_index.csv"
 """Name of the index in the folder of the platoons."""
 
 _SETTINGS = ("S", "M", "L")
@@ -46,3 +54,23 @@ def labels_of_run(index: Path, run: str) -> dict[str, str | None]:
 def _unusable(index: Path, run: str, column: str, value: str, wanted: str) -> Exception:
     text = f"{value} of the run {run} is not {wanted}"
     return bad_recording("label-unusable", text, f"write {wanted}", index, column=column)
+
+
+def switched(table: pd.DataFrame, drivers: pd.Series, info: RecordingInfo) -> tuple[pd.DataFrame, RecordingInfo]:
+    """The table, in which a car becomes a new track after every switch of its driver, and the recording with a note.
+
+    The table is sorted by track_id (the place in the platoon) and frame; `drivers` holds the label ACC by both.
+    """
+    places = pd.MultiIndex.from_arrays([table["track_id"], table["frame"]])
+    values = drivers.reindex(places).to_numpy(object)
+    label = np.array([value if isinstance(value, str) else "" for value in values], dtype=object)
+    # Rows that continue the track of the row before with another driver.
+    switches = follows_row_before(table["track_id"].to_numpy())
+    switches[1:] &= label[1:] != label[:-1]
+    table = table.assign(**{ACC: [value or None for value in label]})
+    if not switches.any():
+        return table, info
+    share = float(np.mean(label == "1"))
+    note = f"{int(switches.sum())} switches between cruise control and person: a car continues as another track"
+    note += f" ({100.0 * share:.0f} % of the rows with cruise control)"
+    return split_tracks(table, switches), replace(info, notes=(*info.notes, note))

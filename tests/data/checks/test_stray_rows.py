@@ -9,7 +9,7 @@ import pytest
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.tables.in_memory import in_memory
-from tests.data.changed_rows import with_values
+from tests.data.made_rows import with_values
 from tests.data.table_files import write_table
 from tests.refusal import refused
 
