@@ -13,7 +13,6 @@ is missing. Dependences are therefore estimated from the innovations (`forcing`)
 Source: fixed-interval smoother by backward recursion of the innovations, de Jong, Ann. Stat. 17 (1989) 1073.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -25,7 +24,6 @@ from rearl_jax.discovery.observe.autocorrelation import autocorrelation
 from rearl_jax.discovery.observe.candidates import LENS, lens_at
 from rearl_jax.discovery.observe.closed_loop import FARTHEST
 from rearl_jax.discovery.observe.drivers import Prior
-from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, MEASURED, Gain, Noise, State, correct, predict, steady_state
 from rearl_jax.discovery.observe.observer import stimulus, straightened
@@ -75,17 +73,11 @@ class Residuals:
         return np.arange(1, len(correlations) + 1) * data.stride * data.dt, correlations
 
 
-def residuals_of(solver: Solver, states: Sequence[FitState], fits: Sequence[Fit]) -> list[Residuals]:
-    """Residuals of solved states; each state comes with the fit that gives its noise."""
-    return [_residuals(solver, state, fit.noise) for state, fit in zip(states, fits, strict=True)]
-
-
-def _residuals(solver: Solver, state: FitState, noise: Noise) -> Residuals:
+def residuals_of(solver: Solver, state: FitState, noise: Noise) -> Residuals:
+    """Residuals of a solved state under the observer for a noise."""
     data = state.data
-    (innovation,) = (np.asarray(part, float) for part in solver.innovations([state]))
-    (gap,) = (
-        np.clip(np.asarray(part, float), -FARTHEST, FARTHEST) for part in solver.innovations([state], CLOSED_LOOP)
-    )
+    innovation = np.asarray(solver.innovations([state])[0], float)
+    gap = np.clip(np.asarray(solver.innovations([state], CLOSED_LOOP)[0], float), -FARTHEST, FARTHEST)
     gain, surroundings = noise.gain(data.dt, data.stride), data.halfway()
     # Single precision, in which the innovations were computed: their rounding errors then cancel.
     expected = data.y.astype(np.float32).astype(float) - innovation

@@ -94,7 +94,7 @@ def all_residuals(page_data: PageData) -> dict[str, list[Residuals]]:
     residuals = {}
     for model, (fit, others) in models.items():
         states = [fit.state, *(recalibrated(solver, part, [fit])[0] for part in others)]
-        residuals[model] = [residuals_of(solver, [state], [fit])[0] for state in states]
+        residuals[model] = [residuals_of(solver, state, fit.noise) for state in states]
     return residuals
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.candidates import Term
-from rearl_jax.discovery.observe.fit import Fit, recalibrated
+from rearl_jax.discovery.observe.fit import recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.forcing import acceleration_derivatives, wanted_acceleration
 from rearl_jax.discovery.observe.kalman import Noise
@@ -134,17 +134,15 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
         search: Result of the search, with the added effects.
         seed: Seed of the simulated drives.
     """
-    state, last_round = search.last.state, search.rounds[-1]
+    state, noise, last_round = search.last.state, search.last.noise, search.rounds[-1]
     (innovation_before,) = solver.innovations([search.first.state])
     states = [state, *recalibrated(solver, search.checked, [search.last])]
-    of_parts = residuals_of(solver, states, [search.last, search.last])
-    by_noise = by_noise_alone(solver, states, search.last, seed)
+    of_parts = [residuals_of(solver, solved, noise) for solved in states]
+    by_noise = by_noise_alone(solver, states, noise, seed)
     fitted = of_parts[0]
     weight = far_from_changes(state.data, state.data.weight)
-    innovation, innovation_before = (
-        standardised(values, state.data, fit.noise)
-        for values, fit in ((fitted.innovation, search.last), (innovation_before, search.first))
-    )
+    innovation = standardised(fitted.innovation, state.data, noise)
+    innovation_before = standardised(innovation_before, state.data, search.first.noise)
     term = max(last_round.z_score, key=lambda key: last_round.z_score[key])
     return Adequacy(
         kurtosis=kurtosis(innovation, weight),
@@ -160,13 +158,16 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     )
 
 
-def by_noise_alone(solver: Solver, states: Sequence[FitState], fit: Fit, seed: int) -> list[ResidualsByPart]:
+def by_noise_alone(solver: Solver, states: Sequence[FitState], noise: Noise, seed: int) -> list[ResidualsByPart]:
     """Residuals of drives simulated with the final model and noise alone, for each replicate."""
     replicates_by_part = [
-        [replicate for batch in noise_alone(solver, state, fit.noise, REPLICATES, seed + part) for replicate in batch]
+        [replicate for batch in noise_alone(solver, state, noise, REPLICATES, seed + part) for replicate in batch]
         for part, state in enumerate(states)
     ]
-    return [residuals_of(solver, drives, [fit] * len(drives)) for drives in zip(*replicates_by_part, strict=True)]
+    return [
+        [residuals_of(solver, drives, noise) for drives in replicate]
+        for replicate in zip(*replicates_by_part, strict=True)
+    ]
 
 
 def standardised(

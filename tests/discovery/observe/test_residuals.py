@@ -9,7 +9,6 @@ from rearl_jax.blind.traffic.dataset import write_dataset
 from rearl_jax.blind.traffic.scenario import Scenario
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import iterate_recordings
-from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import new_state, replace_gain
 from rearl_jax.discovery.observe.forcing import (
     DriverScores,
@@ -66,14 +65,14 @@ def planted(solver_and_world):
     solver, state = solver_and_world
     noise = driver_noise(NOISE, state.data.y.shape, state.data.dt, np.random.default_rng(2))
     made = driven(solver, state, noise + SLOPE * state.data.surroundings.lateral_offset)
-    return solver, residuals_of(solver, [made], [Fit(None, made, NOISE)])[0]
+    return solver, residuals_of(solver, made, NOISE)
 
 
 def test_felt_is_what_the_observer_makes_of_an_acceleration(solver_and_world):
     solver, state = solver_and_world
     push = 0.05 * np.cos(np.arange(state.data.y.shape[0])[:, None] * state.data.dt + np.arange(state.data.y.shape[1]))
     pushed = replace(state, pieces=replace(state.pieces, known=push))
-    left = residuals_of(solver, [state], [Fit(None, state, NOISE)])[0]
+    left = residuals_of(solver, state, NOISE)
     change = solver.innovations([pushed])[0] - left.innovation
     predicted = innovation_change(push[None], left, acceleration_derivatives(left))[0]
     used = state.data.weight > 0
@@ -85,7 +84,7 @@ def test_a_driver_is_where_it_drives_not_where_lasting_errors_put_it(solver_and_
     solver, state = solver_and_world
     noise, data = Noise(0.15, 1.5, 0.02, lasting=0.2, lasting_time=0.6), state.data
     made = driven(solver, state, driver_noise(noise, data.y.shape, data.dt, np.random.default_rng(2)), noise)
-    left = residuals_of(solver, [made], [Fit(None, made, noise)])[0]
+    left = residuals_of(solver, made, noise)
     true = made.data.y - position_errors(noise, data.y.shape, data.dt, np.random.default_rng(3))
     used = (data.weight > 0)[:-1]
     speed_error = (left.v[:-1] - np.diff(true, axis=0) / data.dt)[used]
@@ -130,7 +129,7 @@ def test_nothing_that_drivers_react_to_knows_their_future(planted):
     data, cut = left.state.data, len(left.state.data.y) // 2
     later = replace(data, y=data.y + 5.0 * (np.arange(len(data.y)) > cut)[:, None])
     state = replace(left.state, data=later, pieces=replace(left.state.pieces, y=later.y))
-    moved = residuals_of(solver, [state], [Fit(None, state, NOISE)])[0]
+    moved = residuals_of(solver, state, NOISE)
     after = variables_of(moved)
     for name, before in variables_of(left).items():
         # The step that ends with the first moved time step has been predicted before it.

@@ -7,7 +7,6 @@ import pytest
 
 from rearl_jax.config import DiscoverConfig
 from rearl_jax.discovery.observe.candidates import Term
-from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import with_noise
 from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.parts import measured_drivers
@@ -26,8 +25,7 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 
 def growth_in(data, solver, calibrated):
     state, noise = calibrated
-    fit = Fit(None, state, noise)
-    parts, chance = residuals_of(solver, [state], [fit]), by_noise_alone(solver, [state], fit, 7)
+    parts, chance = [residuals_of(solver, state, noise)], by_noise_alone(solver, [state], noise, 7)
     assert np.abs(parts[0].acceleration).max() > 0.01, "drivers did nothing beside the model"
     return misjudgement(parts, chance), staleness(parts, chance)
 
@@ -48,9 +46,8 @@ def test_every_driver_has_a_vote_whichever_part_they_are_in(measured_of):
     data = measured_of("action_points")
     solver = solver_of(data)
     state, noise = calibrate(solver, data)
-    fit = Fit(None, state, noise)
-    (left,) = residuals_of(solver, [state], [fit])
-    chance = [again for (again,) in by_noise_alone(solver, [state], fit, 7)]
+    left = residuals_of(solver, state, noise)
+    chance = [again for (again,) in by_noise_alone(solver, [state], noise, 7)]
     for ask in (misjudgement, staleness):
         alone = ask([left], [[again] for again in chance])
         assert alone != 0.0
@@ -64,9 +61,8 @@ def test_restless_drivers_are_not_taken_for_late_ones(solver, calibrated):
     (again,) = next(noise_alone(solver, state, restless, 1, 3))
     again = with_noise(again, restless)
     solver.solve([again])
-    fit = Fit(None, again, restless)
-    (left,) = residuals_of(solver, [again], [fit])
-    chance = [parts for seed in (7, 8) for parts in by_noise_alone(solver, [again], fit, seed)]
+    left = residuals_of(solver, again, restless)
+    chance = [parts for seed in (7, 8) for parts in by_noise_alone(solver, [again], restless, seed)]
     silent = [[replace(left, acceleration=np.zeros_like(left.acceleration))]]
     by_chance = [staleness(parts, silent) for parts in chance]
     assert np.mean(by_chance) > 3 * np.std(by_chance) / np.sqrt(len(by_chance))
@@ -80,9 +76,8 @@ def test_the_right_model_of_smoothed_drives_leaves_correlated_innovations(record
     assert data.smoothing > 0.2
     solver = solver_of(data)
     state, noise = calibrate(solver, data)
-    fit = Fit(None, state, noise)
-    measured = neighbour_autocorrelation(residuals_of(solver, [state], [fit])[0])
-    by_noise = np.mean([neighbour_autocorrelation(again) for (again,) in by_noise_alone(solver, [state], fit, 7)])
+    measured = neighbour_autocorrelation(residuals_of(solver, state, noise))
+    by_noise = np.mean([neighbour_autocorrelation(again) for (again,) in by_noise_alone(solver, [state], noise, 7)])
     assert measured > THRESHOLDS.most_autocorrelation
     assert abs(measured - by_noise) < THRESHOLDS.most_autocorrelation
 
@@ -90,8 +85,7 @@ def test_the_right_model_of_smoothed_drives_leaves_correlated_innovations(record
 def test_innovations_of_sharp_drives_are_independent(solver, many):
     state, noise = many
     solver.sums([state])
-    fit = Fit(None, state, noise)
-    for again in (residuals_of(solver, [state], [fit]), *by_noise_alone(solver, [state], fit, 7)):
+    for again in ([residuals_of(solver, state, noise)], *by_noise_alone(solver, [state], noise, 7)):
         assert abs(neighbour_autocorrelation(again[0])) < 0.5 * THRESHOLDS.most_autocorrelation
 
 
