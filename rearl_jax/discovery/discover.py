@@ -144,10 +144,10 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     options, comparison, adequacy = config.discover, found.comparison, found.adequacy
     solver, outcome = found.solver, found.outcome
     reported = in_time(solver, outcome, parts.reported)
-    errors = model_errors(solver, parts.reported, {"before": outcome.before}, options.seed)
+    errors = {"before": model_errors(solver, parts.reported, outcome.before, options.seed)}
     variation = predicting_variation(solver, outcome, options.seed)
     if outcome.added or outcome.clocks is not None or variation != CONSTANT_TIME_GAP:
-        errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed, variation)
+        errors["after"] = model_errors(solver, reported, outcome.last, options.seed, variation)
     errors[IDM] = _errors_of_idm(config, found, parts, errors["before"])
     resampling = Resampling(options.confidence, options.draws, options.seed)
     of_effects = covariance(solver, outcome.last.state)
@@ -223,7 +223,7 @@ def _errors_of_idm(config: DiscoverTask, found: BestSearch, parts: Parts, before
         return before
     solver = solver_of(parts.fitted, IDM_PRIOR)
     fit = base_of(solver, parts.fitted, lane_changes=False).fit
-    return model_errors(solver, parts.reported, {IDM: fit}, config.discover.seed)[IDM]
+    return model_errors(solver, parts.reported, fit, config.discover.seed)
 
 
 def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:
@@ -274,7 +274,8 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
     (scores_of_terms,) = scores(solver, [base.state])
     fits = refit(solver, base, [candidates[term]], scores_of_terms)
     base, options = rebased(solver, base, fits), config.discover
-    errors = model_errors(solver, parts.reported, {"before": base, "oracle": fits[term]}, options.seed)
+    models = {"before": base, "oracle": fits[term]}
+    errors = {name: model_errors(solver, parts.reported, fit, options.seed) for name, fit in models.items()}
     return {
         "verdict": "named",
         "effects": [],

@@ -86,10 +86,9 @@ def compared_models(
     fits, states, log_likelihoods = [], [], []
     for index, solver in enumerate(solvers):
         fit = base.fit if index == 0 else calibrated_alike(solver, fitted, base.fit)
-        (state,) = recalibrated(solver, checked, [fit])
         fits.append(fit)
-        states.append(state)
-        log_likelihoods.append(state.marginal())
+        states.append(recalibrated(solver, checked, fit))
+        log_likelihoods.append(states[-1].marginal())
         progress(index + 1, len(solvers))
     found, gains = [], gains_of(log_likelihoods, checked)
     for index, (solver, fit, state) in enumerate(zip(solvers, fits, states, strict=True)):

@@ -60,7 +60,7 @@ def effects_in_other_models(
     """
     if not _named(outcome):
         return []
-    (chosen,) = recalibrated(solver, outcome.checked, [outcome.last])
+    chosen = recalibrated(solver, outcome.checked, outcome.last)
     return [_tested_in(solver_of(fitted, prior), prior, outcome, chosen) for prior in priors[:MOST_OTHERS]]
 
 
@@ -124,7 +124,7 @@ def _found_again(solver: Solver, outcome: Search) -> tuple[dict[Term, bool], Fit
         fits = {term: _with_effect(solver, fit, trial)}
         fit = rebased(solver, fit, fits)
         after = nested(solver, fit, fits)[term]
-        without, with_effect = recalibrated(solver, outcome.checked, [fit, after])
+        without, with_effect = (recalibrated(solver, outcome.checked, each) for each in (fit, after))
         holds[term] = trial_of(solver, after, fit.state, with_effect, without, outcome.null.null_mean(term)).holds
         fit, checked = (after, with_effect) if holds[term] else (fit, without)
     assert checked is not None

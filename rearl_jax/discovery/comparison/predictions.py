@@ -82,7 +82,7 @@ def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapV
     variation = variations.best()
     if not variation.start_share:
         return variation
-    (state,) = recalibrated(solver, outcome.checked, [fit])
+    state = recalibrated(solver, outcome.checked, fit)
     before = _gap_errors(solver, state, fit)
     while variation.start_share:
         if is_significantly_better(before, _gap_errors(solver, state, fit, variation), seed):
@@ -93,8 +93,7 @@ def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapV
 
 def _gap_errors_of(solver: Solver, data: Measured, fit: Fit) -> GapErrors:
     """Errors of a model for drivers that it was not fitted to."""
-    (state,) = recalibrated(solver, data, [fit])
-    return _gap_errors(solver, state, fit)
+    return _gap_errors(solver, recalibrated(solver, data, fit), fit)
 
 
 def _gap_errors(

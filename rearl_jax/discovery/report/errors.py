@@ -5,7 +5,6 @@ simulated behind the measured leader, without correction. The main error uses pa
 (`protocols.IN_SAMPLE`).
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +16,7 @@ from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.response_time import Responses, responses
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.read.training import Split, every_run
+from rearl_jax.discovery.read.training import every_run
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, ProtocolErrors, protocol_errors
 from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation, energy_scores
 from rearl_jax.discovery.search.simulated_drives import behind_noisy_drive, position_errors
@@ -66,32 +65,21 @@ class ModelErrors:
 
 
 def model_errors(
-    solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: int, variation: TimeGapVariation = CONSTANT_TIME_GAP
-) -> dict[str, ModelErrors]:
-    """Errors of fitted models on the report drivers, by name.
+    solver: Solver, data: Measured, fit: Fit, seed: int, variation: TimeGapVariation = CONSTANT_TIME_GAP
+) -> ModelErrors:
+    """Errors of a fitted model on the report drivers.
 
     Args:
-        solver: Solver of the models.
+        solver: Solver of the model.
         data: The report drivers.
-        fits: The models by name.
-        seed: Seed of the noise, the same for all models.
+        fit: The model.
+        seed: Seed of the noise, the same for all models that are compared.
         variation: Variation of the time gap in predictions, see `protocol_errors`.
     """
-    runs = every_run(data)
-    states = recalibrated(solver, data, list(fits.values()))
-    return {
-        name: _errors(solver, state, fit, seed, runs, variation)
-        for (name, fit), state in zip(fits.items(), states, strict=True)
-    }
-
-
-def _errors(
-    solver: Solver, state: FitState, fit: Fit, seed: int, runs: Sequence[Split], variation: TimeGapVariation
-) -> ModelErrors:
-    data = state.data
+    state = recalibrated(solver, data, fit)
     calibrated = calibrated_to_gap(solver, state)
     in_sample_error, uncalibrated_error = (simulated_error(solver, each) for each in (calibrated, state))
-    protocols = protocol_errors(solver, state, fit, in_sample_error, runs, variation)
+    protocols = protocol_errors(solver, state, fit, in_sample_error, every_run(data), variation)
     in_sample = protocols[IN_SAMPLE]
     assert in_sample is not None
     (innovation,) = solver.innovations([state])

@@ -93,7 +93,7 @@ def all_residuals(page_data: PageData) -> dict[str, list[Residuals]]:
         models["after"] = search.last, (search.checked, page_data.reported)
     residuals = {}
     for model, (fit, others) in models.items():
-        states = [fit.state, *(recalibrated(solver, part, [fit])[0] for part in others)]
+        states = [fit.state, *(recalibrated(solver, part, fit) for part in others)]
         residuals[model] = [residuals_of(solver, state, fit.noise) for state in states]
     return residuals
 

@@ -136,7 +136,7 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     """
     state, noise, last_round = search.last.state, search.last.noise, search.rounds[-1]
     (innovation_before,) = solver.innovations([search.first.state])
-    states = [state, *recalibrated(solver, search.checked, [search.last])]
+    states = [state, recalibrated(solver, search.checked, search.last)]
     of_parts = [residuals_of(solver, solved, noise) for solved in states]
     by_noise = by_noise_alone(solver, states, noise, seed)
     fitted = of_parts[0]

@@ -24,7 +24,7 @@ def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
     if not outcome.added:
         return outcome
     fits = [outcome.first, *(trial.fit for trial in outcome.added)]
-    errors = gap_errors(solver, recalibrated(solver, outcome.checked, fits))
+    errors = gap_errors(solver, [recalibrated(solver, outcome.checked, fit) for fit in fits])
     kept = len(outcome.added)
     while (
         kept > 1 and is_free(outcome.added[kept - 1]) and share_worse(errors[kept - 1], errors[kept], seed=seed) > 0.5

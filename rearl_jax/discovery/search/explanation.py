@@ -34,7 +34,7 @@ class Prediction:
 
 def prediction_of(solver: Solver, outcome: Search) -> Prediction:
     """Predictions of the final model of a search for the check drivers."""
-    (state,) = recalibrated(solver, outcome.checked, [outcome.last])
+    state = recalibrated(solver, outcome.checked, outcome.last)
     (error,) = gap_errors(solver, [state])
     return Prediction(state.marginal(), error, outcome.checked)
 

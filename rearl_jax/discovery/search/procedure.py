@@ -90,10 +90,8 @@ def search(
         corrected = None
         if clocks is not None and not outcome.rounds and (round_.chosen is None or clocks.total > round_.chosen.total):
             corrected = base_of(solver, clocks.fitted, lane_changes=lane_changes)
-            (before,), (after,) = (
-                recalibrated(solver, data, [fit]) for data, fit in ((checked, base), (clocks.checked, corrected.fit))
-            )
-            if makes_simulations_worse(solver, before, after):
+            before = recalibrated(solver, checked, base)
+            if makes_simulations_worse(solver, before, recalibrated(solver, clocks.checked, corrected.fit)):
                 log.info("corrected clocks make simulations of the check drivers worse: not corrected")
                 corrected, clocks = None, None
         if clocks is not None and corrected is not None:
@@ -254,7 +252,7 @@ def _tried_first(screened: Round, order: Sequence[Term], exceeds: set[Term]) -> 
 def _checked(solver: Solver, screened: Round, fits: Mapping[Term, Fit], null: Null, outcome: Search) -> Round:
     """The round with a trial of every fit on the check drivers, and with the accepted trials."""
     base = screened.base
-    other_base, *others = recalibrated(solver, outcome.checked, [base, *fits.values()])
+    other_base, *others = (recalibrated(solver, outcome.checked, fit) for fit in (base, *fits.values()))
     trials = [
         trial_of(solver, fit, base.state, other, other_base, null.null_mean(term))
         for (term, fit), other in zip(fits.items(), others, strict=True)

@@ -87,8 +87,7 @@ def is_wrong_lens(solver: Solver, base: Fit, trial: Trial | None, checked: Measu
     """True if a trial corrects a camera distortion and makes simulations of the check drivers worse than `base`."""
     if trial is None or trial.candidate.term != LENS:
         return False
-    (before,) = recalibrated(solver, checked, [base])
-    return makes_simulations_worse(solver, before, trial.other)
+    return makes_simulations_worse(solver, recalibrated(solver, checked, base), trial.other)
 
 
 def share_worse(

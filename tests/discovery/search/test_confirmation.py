@@ -70,7 +70,7 @@ def test_a_later_addition_that_makes_simulations_worse_goes_alone(solver, calibr
 def test_a_distortion_that_makes_simulations_worse_is_not_believed(solver, calibrated, size, is_worse):
     wave = np.cos(np.arange(len(solver.layout.candidates[LENS].free)))
     found = search_that_added(solver, calibrated, ("lens", size * wave))
-    states = recalibrated(solver, found.checked, [found.first, found.last])
+    states = [recalibrated(solver, found.checked, fit) for fit in (found.first, found.last)]
     assert makes_simulations_worse(solver, *states) == is_worse
 
 
@@ -78,7 +78,7 @@ def test_a_distortion_that_makes_simulations_worse_is_not_believed(solver, calib
 def test_clocks_that_make_simulations_worse_are_not_believed(solver, calibrated, shift, is_worse):
     fit, data = Fit(None, *calibrated), calibrated[0].data
     late = replace(data, surroundings=replace(data.surroundings, leader_rear=data.surroundings.leader_rear + shift))
-    states = [recalibrated(solver, drives, [fit])[0] for drives in (data, late)]
+    states = [recalibrated(solver, drives, fit) for drives in (data, late)]
     assert makes_simulations_worse(solver, *states) == is_worse
 
 
