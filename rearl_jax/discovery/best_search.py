@@ -32,11 +32,11 @@ from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.search.adequacy import Adequacy, adequacy
-from rearl_jax.discovery.search.confirmation import confirmed
 from rearl_jax.discovery.search.explanation import is_explained, names_more, prediction_of, predicts_better
 from rearl_jax.discovery.search.null import Null, null_of
 from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.search.procedure import NullFor, Report, search
+from rearl_jax.discovery.search.simulation import confirmed
 from rearl_jax.progress import shown
 from rearl_jax.results import Study
 

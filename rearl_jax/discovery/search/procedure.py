@@ -23,9 +23,8 @@ from rearl_jax.discovery.search.decision import (
 )
 from rearl_jax.discovery.search.families import confounded, with_families
 from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.outcome import Search, is_free
+from rearl_jax.discovery.search.outcome import Round, Search, is_free, is_significant
 from rearl_jax.discovery.search.refit import nested, rebased, refit
-from rearl_jax.discovery.search.round import Round, is_significant
 from rearl_jax.discovery.search.screen import Score, clock_evidence, evidences, scores
 from rearl_jax.discovery.search.simulation import is_wrong_lens, makes_simulations_worse, simulated
 from rearl_jax.discovery.thresholds import THRESHOLDS

@@ -30,8 +30,7 @@ from rearl_jax.discovery.read.reading import measure
 from rearl_jax.discovery.read.split import split_drivers
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.outcome import Search
-from rearl_jax.discovery.search.round import Round
+from rearl_jax.discovery.search.outcome import Round, Search
 from rearl_jax.discovery.search.simulated_drives import simulate_again
 from rearl_jax.results import Study
 

@@ -28,7 +28,7 @@ from rearl_jax.discovery.report.figures import stretches
 from rearl_jax.discovery.report.presentation import residual_table
 from rearl_jax.discovery.report.protocols import speed_deviation
 from rearl_jax.discovery.search.atlas import grid_of, part_scores
-from rearl_jax.discovery.search.finder import Group, stability_selection
+from rearl_jax.discovery.search.finder import Group, forward_selection, stability_selection
 from rearl_jax.discovery.search.maps import curve_of
 from rearl_jax.discovery.search.shapes import shape_of, shape_words
 from rearl_jax.discovery.search.simulated_drives import driver_noise, position_errors
@@ -118,8 +118,11 @@ def test_map_shows_the_planted_dependence_with_its_size(planted):
 def test_finder_selects_the_planted_variable_and_none_beside_it(planted):
     _, left = planted
     grid = grid_of(left)
-    found = stability_selection(part_scores(left, grid).curves, grid.groups(), 0)
-    assert (found[0].variable, found[0].acts_on) == ("lateral_offset", "acceleration")
+    scores, groups = part_scores(left, grid).curves, grid.groups()
+    found = stability_selection(scores, groups, 0)
+    (first, *_) = forward_selection(scores, np.arange(len(scores.score)), groups)
+    assert (first.variable, first.acts_on) == ("lateral_offset", "acceleration")
+    assert found[0].variable == "lateral_offset"
     assert found[0].frequency > 0.9
     assert all(one.frequency < 0.5 for one in found[1:])
 
@@ -216,7 +219,7 @@ def noisy_votes(rng, n_drivers=40, n_groups=12, size=5, n=200, planted=None):
         gram.append(w @ w.T)
         score.append(w @ y)
         square.append(y @ y)
-    groups = [Group(f"g{k}", "acceleration", np.arange(k * size, (k + 1) * size), 0.3) for k in range(n_groups)]
+    groups = [Group(f"g{k}", "acceleration", np.arange(k * size, (k + 1) * size)) for k in range(n_groups)]
     return DriverScores(np.array(gram), np.array(score), np.array(square), 1.0), groups
 
 

@@ -8,7 +8,7 @@ import pytest
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.report.candidate_results import RESULTS, result_of
 from rearl_jax.discovery.search.decision import Trial
-from rearl_jax.discovery.search.round import is_significant
+from rearl_jax.discovery.search.outcome import is_significant
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from tests.discovery.search.searches import search_that_added
 

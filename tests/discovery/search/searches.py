@@ -5,8 +5,7 @@ from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import replaced
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.outcome import Search
-from rearl_jax.discovery.search.round import Round
+from rearl_jax.discovery.search.outcome import Round, Search
 
 
 def search_that_added(solver, calibrated, *added):

@@ -9,10 +9,10 @@ from rearl_jax.discovery.observe.base import Base
 from rearl_jax.discovery.observe.candidates import LENS
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
-from rearl_jax.discovery.search.confirmation import confirmed
+from rearl_jax.discovery.search import simulation
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.procedure import search
-from rearl_jax.discovery.search.simulation import makes_simulations_worse
+from rearl_jax.discovery.search.simulation import confirmed, makes_simulations_worse
 from tests.discovery.search.searches import search_that_added
 
 
@@ -58,8 +58,7 @@ def test_an_addition_that_does_nothing_is_left_alone(solver, calibrated):
 )
 def test_a_later_addition_that_makes_simulations_worse_goes_alone(solver, calibrated, monkeypatch, later, errors, kept):
     found = search_that_added(solver, calibrated, ("reaction_delay", [0.0, 0.0]), (later, 0.0))
-    module = "rearl_jax.discovery.search.confirmation"
-    monkeypatch.setattr(f"{module}.gap_errors", lambda *_: [np.full(10, error) for error in errors])
+    monkeypatch.setattr(simulation, "gap_errors", lambda *_: [np.full(10, error) for error in errors])
     left = confirmed(solver, found, 0)
     assert left.added == found.added[:kept]
     assert left.rejected == found.added[kept:]
@@ -93,7 +92,7 @@ def test_the_round_is_repeated_without_a_distortion_that_simulations_deny(solver
 
     module = "rearl_jax.discovery.search.procedure"
     monkeypatch.setattr(f"{module}._round", round_of)
-    monkeypatch.setattr("rearl_jax.discovery.search.simulation.makes_simulations_worse", lambda *_: True)
+    monkeypatch.setattr(simulation, "makes_simulations_worse", lambda *_: True)
     monkeypatch.setattr(f"{module}.clock_evidence", lambda *_: -1e9)
     null = Null({CLOCK_OFFSET: 0.0}, {CLOCK_OFFSET: 1.0}, 1)
     fitted = Base(found.first)

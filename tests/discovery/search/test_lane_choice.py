@@ -26,8 +26,7 @@ from rearl_jax.discovery.read.split import split_drivers
 from rearl_jax.discovery.report.repaired import lane_effect_values
 from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
 from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.outcome import Search
-from rearl_jax.discovery.search.round import Round
+from rearl_jax.discovery.search.outcome import Round, Search
 from rearl_jax.models.file import read_model, write_model
 from rearl_jax.models.population import population_of_model
 from rearl_jax.models.traffic import populate

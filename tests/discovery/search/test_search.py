@@ -17,9 +17,8 @@ from rearl_jax.discovery.observe.uncertainty import complexity_penalty, interval
 from rearl_jax.discovery.report.verdict import candidate_rows
 from rearl_jax.discovery.search import decision, families
 from rearl_jax.discovery.search.null import Null, summarise
-from rearl_jax.discovery.search.outcome import Search
+from rearl_jax.discovery.search.outcome import Round, Search
 from rearl_jax.discovery.search.refit import nested
-from rearl_jax.discovery.search.round import Round
 from rearl_jax.discovery.search.screen import evidences, scores
 from rearl_jax.discovery.search.simulated_drives import simulate_again
 from rearl_jax.discovery.search.simulation import is_contradicted, simulated_gains

@@ -13,8 +13,7 @@ from rearl_jax.discovery.report.verdict import is_on, unseen, verdict_of
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.outcome import Search
-from rearl_jax.discovery.search.round import Round
+from rearl_jax.discovery.search.outcome import Round, Search
 from rearl_jax.discovery.search.screen import Score, evidences
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
