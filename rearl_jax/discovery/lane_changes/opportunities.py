@@ -21,7 +21,7 @@ from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, accelerati
 from rearl_jax.discovery.lane_changes.motion import with_motion
 from rearl_jax.discovery.lane_changes.ramps import side_of_ramp, whole_lanes
 from rearl_jax.discovery.read.smoothing import thinned
-from rearl_jax.discovery.read.sorted_lanes import SortedLanes
+from rearl_jax.discovery.read.surroundings import SortedLanes
 
 PERIOD = 0.5
 """Time from one opportunity to the next [s], rounded to whole time steps of the recording."""

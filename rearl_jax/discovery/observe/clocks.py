@@ -134,8 +134,7 @@ class Clocks(Shifts):
 
     def __init__(self, data: Measured) -> None:
         leaders = main_leaders(data)
-        vehicle_of = np.zeros(data.n_drivers, int)
-        vehicle_of[data.driver] = data.vehicle
+        vehicle_of = data.driver_values(data.vehicle)
         self.data, self.vehicle = data, np.unique(np.concatenate([vehicle_of, leaders[leaders >= 0]]))
         self.values = np.zeros((1, len(self.vehicle)))
         # Derivative of the time by which each main leader's clock is ahead of the driver's, by each vehicle's offset.

@@ -12,7 +12,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
 from rearl_jax.discovery.read.fused_errors import FusedErrors
 
@@ -181,15 +181,11 @@ class Measured:
     @property
     def identity_of_driver(self) -> Int[np.ndarray, " drivers"]:
         """Number of the person or car of each driver, see `identity`; -1 if unknown."""
-        identity = np.full(self.n_drivers, -1)
-        identity[self.driver] = self.identity
-        return identity
+        return self.driver_values(self.identity)
 
     def label(self, name: str) -> np.ndarray:
         """A label of each driver: texts, None where unknown."""
-        values = np.full(self.n_drivers, None, object)
-        values[self.driver] = self.labels[name]
-        return values
+        return self.driver_values(self.labels[name])
 
     def of_drivers(self, is_kept: Bool[np.ndarray, " drivers"]) -> "Measured":
         """The selected drivers, renumbered in their order."""
@@ -198,6 +194,12 @@ class Measured:
     def is_corrected(self) -> Float[np.ndarray, " steps"]:
         """1 for time steps with an independent measurement, which corrects the observer, else 0."""
         return is_new(len(self.y), self.stride).astype(float)
+
+    def driver_values(self, values: Shaped[np.ndarray, " pieces"]) -> Shaped[np.ndarray, " drivers"]:
+        """The value of each driver, from values that are equal for all its pieces."""
+        of_driver = np.empty(self.n_drivers, values.dtype)
+        of_driver[self.driver] = values
+        return of_driver
 
     def driver_mean(self, values: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " drivers"]:
         """Mean over the time steps of each driver that count."""

@@ -15,9 +15,8 @@ from rearl_jax.core.leader_history import MAX_TIME_SINCE_CHANGE
 from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.read.fused_errors import FusedErrors
-from rearl_jax.discovery.read.last_changes import last_changes
+from rearl_jax.discovery.read.leader_changes import handed_over, handovers, last_changes
 from rearl_jax.discovery.read.measured import Measured, Surroundings, is_new, joined
-from rearl_jax.discovery.read.next_leaders import handed_over, handovers
 from rearl_jax.discovery.read.sideways_motion import LONGEST_LEAD
 from rearl_jax.discovery.read.smoothing import Thinned, cut_off, jumps, position_noise, smoothed_tracks, track_bounds
 from rearl_jax.discovery.read.smoothness import Smoothness

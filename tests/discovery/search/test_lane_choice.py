@@ -58,7 +58,7 @@ def search(solver, calibrated):
 def parts_of(recordings, *findings):
     data = measure(list(map(thinned, recordings)))
     kept = data.select(np.flatnonzero(data.driver % 20 == 0))  # few are enough, and faster
-    return Parts("id", True, (), list(findings), *split_drivers(kept, (1 / 3, 1 / 3, 1 / 3), 0), ())
+    return Parts("id", True, (), list(findings), *split_drivers(kept), ())
 
 
 def test_vehicles_have_the_numbers_that_measure_gives_them(recordings_of):

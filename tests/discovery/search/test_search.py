@@ -328,8 +328,7 @@ def test_clocks_are_told_from_shifts_that_are_no_clocks(measured_of):
     """Scores made from known offsets are explained by offsets; scores of unrelated shifts are not."""
     data = measured_of()
     leaders = clocks.main_leaders(data)
-    own = np.zeros(data.n_drivers, int)
-    own[data.driver] = data.vehicle
+    own = data.driver_values(data.vehicle)
     rng = np.random.default_rng(0)
     offset = dict(zip(np.unique(np.r_[own, leaders.ravel()]), rng.normal(0, 0.2, 99), strict=False))
     information = np.zeros((data.n_drivers, clocks.MOST_LEADERS, clocks.MOST_LEADERS))
