@@ -10,7 +10,7 @@ from rearl_jax.discovery.report.candidate_results import RESULTS, result_of
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.outcome import is_significant
 from rearl_jax.discovery.thresholds import THRESHOLDS
-from tests.discovery.search.searches import search_that_added
+from tests.discovery.search.searches import fitted_at, search_that_added
 
 DELAY, GRADE, GAIN = Term("reaction_delay"), Term("grade"), Term("approach_rate_gain")
 LIMIT = Term("speed_limit")
@@ -87,10 +87,7 @@ def test_the_test_that_a_fitted_candidate_failed(found, gain, check, exceeding, 
 def test_a_delay_within_the_time_step_is_of_the_numerics(found):
     searched, trial = with_trial(found, DELAY, 30.0, 30.0)
     assert result_of(searched, DELAY) == "surpassed"
-    short = trial.fit.state.theta.copy()
-    short[list(trial.candidate.free)] = 0.01
-    fit = replace(trial.fit, state=replace(trial.fit.state, theta=short))
-    first = replace(searched.rounds[0], trials=[replace(trial, fit=fit)])
+    first = replace(searched.rounds[0], trials=[fitted_at(trial, 0.01)])
     assert result_of(replace(searched, rounds=[first]), DELAY) == "of_numerics"
 
 
@@ -98,9 +95,9 @@ def test_a_delay_within_the_time_step_is_of_the_numerics(found):
 def test_a_section_without_an_end_in_the_data_is_a_property_of_the_drivers(found, share, said):
     searched, trial = with_trial(found, GRADE, 30.0, 30.0)
     theta = on_section(found.layout, trial.fit.state, GRADE, share)
-    fit = replace(trial.fit, state=replace(trial.fit.state, theta=theta))
-    assert is_significant(replace(trial, fit=fit), {GRADE}) == (said == "surpassed")
-    first = replace(searched.rounds[0], trials=[replace(trial, fit=fit)])
+    trial = fitted_at(trial, theta[list(trial.candidate.free)])
+    assert is_significant(trial, {GRADE}) == (said == "surpassed")
+    first = replace(searched.rounds[0], trials=[trial])
     assert result_of(replace(searched, rounds=[first]), GRADE) == said
 
 
@@ -108,10 +105,7 @@ def test_a_section_without_an_end_in_the_data_is_a_property_of_the_drivers(found
 def test_who_accelerates_at_once_as_hard_as_the_leader_shares_its_error(found, gain, said):
     term = Term("leader_acceleration")
     searched, trial = with_trial(found, term, 30.0, 30.0)
-    theta = trial.fit.state.theta.copy()
-    theta[trial.candidate.free[0]] = gain
-    fit = replace(trial.fit, state=replace(trial.fit.state, theta=theta))
-    first = replace(searched.rounds[0], trials=[replace(trial, fit=fit)])
+    first = replace(searched.rounds[0], trials=[fitted_at(trial, gain)])
     assert result_of(replace(searched, rounds=[first]), term) == said
 
 

@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from rearl_jax.config import DiscoverConfig
-from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit_state import with_noise
 from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.observe.residuals import residuals_of
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.search.adequacy import (
-    Adequacy,
     by_noise_alone,
     misjudgement,
     neighbour_autocorrelation,
@@ -21,6 +19,7 @@ from rearl_jax.discovery.search.adequacy import (
 )
 from rearl_jax.discovery.search.simulated_drives import noise_alone
 from rearl_jax.discovery.thresholds import THRESHOLDS
+from tests.discovery.search.searches import ADEQUATE
 
 
 def growth_in(data, solver, calibrated):
@@ -89,12 +88,6 @@ def test_innovations_of_sharp_drives_are_independent(solver, many):
         assert abs(neighbour_autocorrelation(again[0])) < 0.5 * THRESHOLDS.most_autocorrelation
 
 
-LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "autocorrelation": 0.01,
-        "autocorrelation_by_noise": 0.0, "unequal_noise": {}, "misjudgement": -1.0, "staleness": 0.5,
-        "remaining": (Term("grade"), 1.0),
-        "driver_minutes": 70.0}  # fmt: skip
-
-
 @pytest.mark.parametrize(
     ("figures", "expected"),
     [
@@ -116,4 +109,4 @@ LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "au
     ],
 )
 def test_what_is_left_is_adequate_only_if_it_is_noise(figures, expected):
-    assert Adequacy(**(LEFT | figures)).is_adequate is expected
+    assert replace(ADEQUATE, **figures).is_adequate is expected

@@ -18,15 +18,12 @@ from rearl_jax.discovery.lane_changes import KnownDrivers, lane_change_findings
 from rearl_jax.discovery.lane_changes.candidates import CANDIDATES
 from rearl_jax.discovery.lane_changes.findings import LaneChangeFindings
 from rearl_jax.discovery.lane_changes.opportunities import opportunities
-from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.read.reading import measure
 from rearl_jax.discovery.read.smoothing import thinned
 from rearl_jax.discovery.read.split import split_drivers
 from rearl_jax.discovery.report.repaired import lane_effect_values
 from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
-from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.outcome import Round, Search
 from rearl_jax.models.file import read_model, write_model
 from rearl_jax.models.population import population_of_model
 from rearl_jax.models.traffic import populate
@@ -50,9 +47,7 @@ def found(lane_findings):
 @pytest.fixture(scope="module")
 def search(solver, calibrated):
     """A search that has calibrated drivers and nothing more."""
-    base = Fit(None, *calibrated)
-    rounds = [Round(base, {}, {}, {}, frozenset(), [], [])]
-    return Search(solver.layout, Null({}, {}, 0), {}, base.state.data, rounds=rounds)
+    return search_that_added(solver, calibrated)
 
 
 def parts_of(recordings, *findings):
