@@ -54,14 +54,6 @@ class ModelPredictions:
     errors: Mapping[str, Mapping[str, Float[np.ndarray, " _"]]] = field(default_factory=dict)
 
 
-def some_of(data: Measured, most: int, seed: int) -> Measured:
-    """A random sample of at most `most` drivers."""
-    if data.n_drivers <= most:
-        return data
-    kept = np.random.default_rng(seed).choice(data.n_drivers, most, replace=False)
-    return data.of_drivers(np.isin(np.arange(data.n_drivers), kept))
-
-
 def compared_models(
     solvers: Sequence[Solver],
     fitted: Measured,

@@ -17,7 +17,6 @@ from rearl_jax.discovery.comparison.compared import (
     compared_table,
     gains_of,
     read_compared,
-    some_of,
 )
 from rearl_jax.discovery.observe.base import Base
 from rearl_jax.discovery.observe.drivers import Prior
@@ -104,8 +103,8 @@ def comparison_of(
         progress: Called with the number of models done and of all models.
         study: Stores the predictions, so that an interrupted run can continue; None to store nothing.
     """
-    fitted = some_of(parts.fitted, MOST_FITTED, options.seed)
-    checked, base = some_of(parts.checked, MOST_CHECKED, options.seed), None
+    fitted = parts.fitted.sample(MOST_FITTED, options.seed)
+    checked, base = parts.checked.sample(MOST_CHECKED, options.seed), None
     if study is not None and study.owns(BASE_TABLE):  # stored by an interrupted run
         found = read_compared(study.path / f"{BASE_TABLE}.parquet")
     else:

@@ -71,20 +71,15 @@ class Prediction:
     n_recorded: int
     n_ramp: int
 
-    @property
-    def advantage(self) -> Float[np.ndarray, " rows"]:
-        """Speed of the leader on the target lane minus that of the own leader [m/s]."""
-        return self.table.side_leader_speed - self.table.leader_speed
-
     def strata(self) -> dict[str, Bool[np.ndarray, " rows"]]:
         """Opportunities by side and by urgency.
 
         Urgency is estimated from the recordings. For discretionary changes it is the speed advantage of the target
-        lane, with which their rate grows (Laval & Daganzo, Transp. Res. B 40 (2006) 251). Changes towards a ramp lane
-        that the driver reaches later are mandatory. Destinations beyond the recording are unknown, so mandatory changes
-        of drivers who leave the road later count as discretionary.
+        lane, its leader's speed less that of the own leader, with which their rate grows (Laval & Daganzo, Transp. Res.
+        B 40 (2006) 251). Changes towards a ramp lane that the driver reaches later are mandatory. Destinations beyond
+        the recording are unknown, so mandatory changes of drivers who leave the road later count as discretionary.
         """
-        forced, advantage = self.table.is_mandatory, self.advantage
+        forced, advantage = self.table.is_mandatory, self.table.side_leader_speed - self.table.leader_speed
         return {
             "left": self.table.side < 0,
             "right": self.table.side > 0,

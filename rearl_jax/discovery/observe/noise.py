@@ -194,12 +194,6 @@ def _most_likely(solver: Solver, states: Sequence[FitState], noises: Sequence[No
     return states[best], noises[best]
 
 
-def is_exact(solver: Solver, data: Measured) -> bool:
-    """True if the drives follow the model without noise, as only simulated drives do."""
-    _, noise = calibrate(solver, data)
-    return noise.acceleration <= NOISELESS
-
-
 def noise_levels(noise: Noise, accelerations: Sequence[float]) -> list[Noise]:
     """Noise with each of the accelerations [m/s^2] at every correlation time of TIMES; other values as given."""
     return [replace(noise, acceleration=sd, time=time) for sd in accelerations for time in TIMES]

@@ -191,6 +191,17 @@ class Measured:
         """The selected drivers, renumbered in their order."""
         return self.select(np.flatnonzero(is_kept[self.driver]))
 
+    def sample(self, most: int, seed: int, group: Int[np.ndarray, " drivers"] | None = None) -> "Measured":
+        """A random sample of at most `most` drivers of each group; None if all are of one group."""
+        group = np.zeros(self.n_drivers, int) if group is None else group
+        rng, is_kept = np.random.default_rng(seed), np.zeros(self.n_drivers, bool)
+        for number in np.unique(group):
+            members = np.flatnonzero(group == number)
+            if len(members) > most:
+                members = members[rng.choice(len(members), most, replace=False)]
+            is_kept[members] = True
+        return self if is_kept.all() else self.of_drivers(is_kept)
+
     def is_corrected(self) -> Float[np.ndarray, " steps"]:
         """1 for time steps with an independent measurement, which corrects the observer, else 0."""
         return is_new(len(self.y), self.stride).astype(float)
