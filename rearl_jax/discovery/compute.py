@@ -190,11 +190,8 @@ def _of_groups(
 
 def grouped(data: Measured, names: Sequence[str | None]) -> tuple[dict[str, Measured], dict[str, int]]:
     """Drivers of each group by its name, and the number of drivers by name for groups that are left out: those with too
-    few drivers to fit, check and report on different ones, and drivers whose group is unknown.
-
-    Args:
-        data: All drivers.
-        names: Name of each driver's group, None where it is unknown.
+    few drivers to fit, check and report on different ones, and drivers whose group is unknown. `names` are those of
+    each driver's group, None where it is unknown.
     """
     group_of = np.array([UNKNOWN if name is None else name for name in names], object)
     groups, left_out = {}, {}

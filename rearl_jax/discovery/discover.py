@@ -116,13 +116,8 @@ def discovery_of(
 ) -> Discovery:
     """Discovery of the effects that the traffic model lacks for some drivers.
 
-    Args:
-        config: The task.
-        parts: The drivers.
-        recordings: The recordings of these drivers.
-        bar: Progress display.
-        study: Folder for intermediate results, so that an interrupted run can continue; None to store nothing.
-        name: Name of the group of drivers, shown in the bar.
+    The `study`, if there is one, stores intermediate results, so that an interrupted run can continue; `name` is that
+    of the group of drivers, shown in the bar.
 
     Raises:
         ValueError: `discover.oracle` names no candidate.
@@ -236,14 +231,8 @@ def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:
 def _effects(
     of_effects: np.ndarray, outcome: Search, adequacy: Adequacy, findings: Sequence[Finding], confidence: float
 ) -> list[Claim]:
-    """Claims: artefacts that the data check found, then clock offsets, then the added effects.
-
-    Args:
-        of_effects: Covariance of the effects' parameters in the final model.
-        outcome: Result of the search.
-        adequacy: Adequacy of the final model.
-        findings: Findings of the data check.
-        confidence: Confidence of the intervals of parameters [-].
+    """Claims: artefacts that the data check found, then clock offsets, then the added effects; `of_effects` is the
+    covariance of the effects' parameters in the final model, `confidence` that of their intervals [-].
     """
     effects = [found_in_columns(finding, confidence) for finding in findings if finding.is_artefact]
     most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence

@@ -94,14 +94,10 @@ def comparison_of(
     progress: Callable[[int, int], None],
     study: Study | None = None,
 ) -> Comparison:
-    """Comparison of car-following models on the check drivers.
+    """Comparison of car-following models on the check drivers; the model of the key `driver` is the first.
 
-    Args:
-        priors: Priors of the models; the model of the key `driver` is first.
-        parts: The drivers.
-        options: Keys of discovery.
-        progress: Called with the number of models done and of all models.
-        study: Stores the predictions, so that an interrupted run can continue; None to store nothing.
+    The `study`, if there is one, stores the predictions, so that an interrupted run can continue; `progress` is called
+    with the number of models done and of all models.
     """
     fitted = parts.fitted.sample(MOST_FITTED, options.seed)
     checked, base = parts.checked.sample(MOST_CHECKED, options.seed), None
@@ -129,12 +125,8 @@ def comparison_of(
 
 
 def base_block(comparison: Comparison, options: DiscoverConfig, time_gaps: dict[str, Any]) -> dict[str, Any]:
-    """The entry `base` of the verdict.
-
-    Args:
-        comparison: The comparison.
-        options: Keys of discovery.
-        time_gaps: Equilibrium time gaps under the chosen model, as in the verdict.
+    """The entry `base` of the verdict; `time_gaps` are the equilibrium time gaps under the chosen model, as in the
+    verdict.
     """
     resampling, choice = Resampling(options.confidence, options.draws, options.seed), comparison.choice
     rows = []

@@ -50,13 +50,8 @@ class ModelTest:
 def effects_in_other_models(
     solver: Solver, outcome: Search, priors: Sequence[Prior], fitted: Measured
 ) -> list[ModelTest]:
-    """Tests of the effects found in other models; empty if no named effect was found.
-
-    Args:
-        solver: Solver of the chosen model.
-        outcome: Result of the search with the chosen model.
-        priors: Priors of the other models, the most likely first.
-        fitted: The fitted drivers as measured; they determine the knots of curves and the road sections.
+    """Tests of the effects found in other models (`priors`, the most likely first); empty if no named effect was found.
+    The knots of curves and the road sections follow from the fitted drivers as measured.
     """
     if not _named(outcome):
         return []

@@ -104,14 +104,10 @@ def _gap_errors(
 
 
 def is_significantly_better(before: GapErrors, after: GapErrors, seed: int) -> bool:
-    """True if the mean gap error is significantly smaller under one predicting protocol and probably smaller under all.
+    """True if the mean gap error of the same drivers is significantly smaller `after` than `before` the additions under
+    one predicting protocol and probably smaller under all.
 
     The share of resamples that is significant is higher the more protocols there are, because any one suffices.
-
-    Args:
-        before: Errors without the additions.
-        after: Errors of the same drivers with them.
-        seed: Seed of the resamples of drivers.
 
     Source: Bonferroni's inequality, Dunn, J. Am. Stat. Assoc. 56 (1961) 52.
     """

@@ -112,11 +112,8 @@ _NAMES = tuple(Opportunities.__dataclass_fields__)
 
 
 def opportunities(recordings: Sequence[Recording], drivers: KnownDrivers) -> tuple[Opportunities, str]:
-    """All opportunities of the recordings, and the reason why there are none, or "".
-
-    Args:
-        recordings: Canonical recordings.
-        drivers: Calibrated parameters, by the numbers that `measure` gives to the vehicles of these recordings.
+    """All opportunities of the recordings, and the reason why there are none, or "". The vehicles of `drivers` have the
+    numbers that `measure` gives to those of these recordings.
     """
     parts, reasons, first_vehicle = [], [], 0
     for index, recording in enumerate(recordings):

@@ -133,13 +133,9 @@ def part_of_rows(
 ) -> Int[np.ndarray, " rows"]:
     """Part of each opportunity, 0 to 2; no driver is in two parts.
 
-    Drivers outside the split (those who do not follow a leader long enough) join the part that contains their whole
-    recording, or else a random part.
-
-    Args:
-        table: The opportunities.
-        split: Numbers of the vehicles of each part, as in `Measured.vehicle`; None if there is no split yet.
-        seed: Seed of the random assignment.
+    `split` are the numbers of the vehicles of each part, as in `Measured.vehicle`; None if there is no split yet.
+    Drivers outside it (those who do not follow a leader long enough) join the part that contains their whole recording,
+    or else a random part.
     """
     recordings = np.unique(table.recording)
     home = {}

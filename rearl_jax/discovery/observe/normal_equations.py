@@ -56,12 +56,8 @@ class Programs:
     """
 
     def __init__(self, layout: Layout, dt: float, n_pieces: int) -> None:
-        """Prepares the programs; nothing is compiled before the first call.
-
-        Args:
-            layout: Layout of theta.
-            dt: Time step [s].
-            n_pieces: Typical number of pieces that a call evaluates, from which the size of a batch follows.
+        """Prepares the programs for time steps `dt` [s]; nothing is compiled before the first call. `n_pieces` is the
+        typical number of pieces that a call evaluates, from which the size of a batch follows.
         """
         if len(_SHAPES) > MOST_SHAPES:
             _MADE.clear()

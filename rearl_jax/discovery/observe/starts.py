@@ -25,12 +25,7 @@ there.
 
 def from_best_start(solver: Solver, state: FitState, *, iterations: int, tolerance: float) -> FitState:
     """The state solved from two starts: as given, and with drivers who are quicker on a free road. Each driver goes on
-    from the start that made it more likely.
-
-    Args:
-        solver: Solver of the car-following model.
-        state: The first start.
-        iterations, tolerance: As in `Solver.solve`.
+    from the start that made it more likely; other arguments as of `Solver.solve`.
     """
     quicker = _faster_on_free_road(solver.layout.prior)
     states = [state, replaced(state, z=state.z + quicker, mean=state.mean + quicker)]

@@ -61,12 +61,8 @@ NO_LABELS: Mapping[str, Sequence[pd.Series]] = MappingProxyType({})
 
 def padded_steps(longest: int, dt: float) -> int:
     """Number of time steps of all pieces of drives: those of LONGEST, or three quarters, a half, three eighths, ... of
-    them that hold the longest track. There are few numbers because every one needs programs of its own, whose
-    compilation takes far longer than the time steps without data.
-
-    Args:
-        longest: Time steps of the longest track.
-        dt: Time step [s].
+    them that hold the longest track, whose time steps are `longest`; `dt` is their length [s]. There are few numbers
+    because every one needs programs of its own, whose compilation takes far longer than the time steps without data.
     """
     n_steps = int(LONGEST / dt)
     longest = max(longest, 1)

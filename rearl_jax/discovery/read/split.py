@@ -14,10 +14,6 @@ def split_drivers(data: Measured, seed: int = 0) -> list[Measured]:
     """Three equal parts of the data without common drivers. Persons or cars are kept together if about equal parts
     result, else whole recordings if these do; else drivers are assigned at random. Sizes are numbers of pieces, so that
     parts have similar amounts of data, but no part may have fewer drivers than its share of `least_drivers`.
-
-    Args:
-        data: All drivers.
-        seed: Seed of the order of drivers.
     """
     part_of_piece = None
     if n_identified(data) >= THRESHOLDS.least_drivers:

@@ -93,12 +93,7 @@ class Around:
 
 
 def look_around(table: pd.DataFrame, speed: np.ndarray) -> Around:
-    """Vehicles around each row.
-
-    Args:
-        table: Canonical table, sorted by track and frame.
-        speed: Speed of every row [m/s].
-    """
+    """Vehicles around each row of a canonical table, sorted by track and frame; `speed` is that of every row [m/s]."""
     leader = leader_rows(table)
     follower = np.full(len(table), NO_VEHICLE)
     has_leader = leader != NO_VEHICLE

@@ -97,16 +97,11 @@ def explained_share(
     confidence: float,
 ) -> float | None:
     """Share of the squared error above the floor that the added effects remove [-], from 0 to 1. The floor is the error
-    from the drivers' own noise, at most the error after.
+    from the drivers' own noise alone, at most the error after. Each error is the figure of all drivers, then those of
+    resamples.
 
-    None if the error was at the floor before. Also None if the noise alone causes a significantly larger error than
-    that after: then the noise model is wrong, and the removable error is unknown.
-
-    Args:
-        before: Error before: the figure of all drivers, then those of resamples.
-        after: Error after, in the same order.
-        noise: Error from the drivers' own noise alone, in the same order.
-        confidence: Confidence required to state that the noise error is larger.
+    None if the error was at the floor before. Also None if, with this confidence, the noise alone causes a larger error
+    than that after: then the noise model is wrong, and the removable error is unknown.
     """
     if np.mean(noise[1:] > after[1:]) > (1 + confidence) / 2:
         return None

@@ -67,14 +67,8 @@ class ModelErrors:
 def model_errors(
     solver: Solver, data: Measured, fit: Fit, seed: int, variation: TimeGapVariation = CONSTANT_TIME_GAP
 ) -> ModelErrors:
-    """Errors of a fitted model on the report drivers.
-
-    Args:
-        solver: Solver of the model.
-        data: The report drivers.
-        fit: The model.
-        seed: Seed of the noise, the same for all models that are compared.
-        variation: Variation of the time gap in predictions, see `protocol_errors`.
+    """Errors of a fitted model on the report drivers. The seed of the noise must be the same for all models that are
+    compared; `variation` is that of the time gap in predictions, see `protocol_errors`.
     """
     state = recalibrated(solver, data, fit)
     calibrated = calibrated_to_gap(solver, state)

@@ -41,13 +41,8 @@ STRONGEST_FIRST = ("named", "improved", "unexplained", "artefact", "nothing")
 def verdict_of_groups(
     options: DiscoverConfig, groups: Mapping[str, Discovery], parts: Mapping[str, Parts], left_out: Mapping[str, int]
 ) -> dict[str, Any]:
-    """The verdict on all groups, without the computation time.
-
-    Args:
-        options: Keys of discovery.
-        groups: Verdict and table of errors of each group.
-        parts: Drivers of each group.
-        left_out: Number of drivers outside all groups, by value of the label.
+    """The verdict on all groups, without the computation time, from the verdict and the table of errors of each group
+    and its drivers; `left_out` is the number of drivers outside all groups, by value of the label.
     """
     rows = [_row(options, name, discovery.verdict, parts[name]) for name, discovery in groups.items()]
     verdicts = [row["verdict"] for row in rows]

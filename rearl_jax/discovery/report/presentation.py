@@ -38,11 +38,8 @@ DRAWS = 300
 
 
 def present(study: Study, discovery: Discovery) -> None:
-    """Writes `residuals.parquet`, `maps.parquet`, `planes.parquet`, the figures and `page.html`.
-
-    Args:
-        study: Study folder.
-        discovery: A discovery, with its page data.
+    """Writes `residuals.parquet`, `maps.parquet`, `planes.parquet`, the figures and `page.html` of a discovery with
+    page data into the study folder.
     """
     page_data, verdict, options = discovery.page_data, discovery.verdict, discovery.config.discover
     assert page_data is not None

@@ -57,12 +57,7 @@ def error_table(errors: Mapping[str, ModelErrors]) -> pd.DataFrame:
 
 
 def read_errors(table: pd.DataFrame, error: Mapping[str, Any]) -> dict[str, ModelErrors]:
-    """Errors from their table, without response times.
-
-    Args:
-        table: Table made by `error_table`.
-        error: Entry `error` of the verdict.
-    """
+    """Errors from their table, made by `error_table`, and the entry `error` of the verdict; without response times."""
     return {str(model): _read_model(rows, error) for model, rows in table.groupby("model", sort=False)}
 
 

@@ -192,14 +192,8 @@ def differing_clocks(check: ClockCheck, reliability: float) -> Claim:
 
 
 def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, predicts_better: bool) -> str:
-    """The verdict in one word.
-
-    Args:
-        search: Result of the search.
-        effects: Claimed effects.
-        adequacy: Adequacy of the final model.
-        predicts_better: Whether the report drivers are predicted better with the effects found, see
-            `error_block.lowers_predicting_errors`.
+    """The verdict in one word; `predicts_better` is true if the report drivers are predicted better with the effects
+    found, see `error_block.lowers_predicting_errors`.
     """
     added = {trial.candidate.kind for trial in search.added}
     names = {effect.name for effect in effects}

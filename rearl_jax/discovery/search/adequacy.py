@@ -128,11 +128,6 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     Kurtosis and autocorrelation are those far from changes of leader, if there are enough data: how a lane change is
     carried out differs from time to time. Misjudged gaps and old decisions are not candidates of the search, and
     nothing is fitted to test them, so the tests use the fitted and the check drivers together.
-
-    Args:
-        solver: Solver of the model.
-        search: Result of the search, with the added effects.
-        seed: Seed of the simulated drives.
     """
     state, noise, last_round = search.last.state, search.last.noise, search.rounds[-1]
     (innovation_before,) = solver.innovations([search.first.state])
@@ -213,14 +208,11 @@ def unequal_noise(innovation: Float[np.ndarray, "steps pieces"], data: Measured)
 
 
 def misjudgement(measured: ResidualsByPart, by_noise: Sequence[ResidualsByPart]) -> float:
-    """Growth of the acceleration residual with the response to a misjudged gap, in standard deviations [-].
+    """Growth of the acceleration residual with the response to a misjudged gap, in standard deviations [-]. `by_noise`
+    are residuals of replicates of the measured drives, simulated with the final model and noise alone.
 
     A relative error of the gap changes the acceleration by the gap times the model's derivative by the gap. Noise of
     the acceleration does not depend on this derivative and is even damped by it, which gives negative values.
-
-    Args:
-        measured: Residuals of the measured drives.
-        by_noise: Residuals of replicates of these drives, simulated with the final model and noise alone.
     """
 
     def by_misjudging(residuals: Residuals) -> np.ndarray:

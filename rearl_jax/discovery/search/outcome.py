@@ -143,10 +143,7 @@ class Search:
         self, covariance: Float[np.ndarray, "free free"]
     ) -> list[tuple[Trial, list[Trial], Float[np.ndarray, "of_effect of_effect"]]]:
         """Effects of the final model, those of lane changes first: the trial of each, all trials that competed
-        (including it), and the covariance of its parameters.
-
-        Args:
-            covariance: Covariance of the parameters of all effects.
+        (including it), and its part of the covariance of the parameters of all effects.
         """
         trials = [(trial, [trial]) for trial in self.lane_changes]
         trials += [(round_.chosen, round_.possible) for round_ in self.rounds if round_.chosen is not None]

@@ -130,13 +130,8 @@ def evidences(state: FitState, scores: dict[Term, Score], layout: Layout) -> dic
 def least_strength(
     information: Float[np.ndarray, "directions directions"], scale: Float[np.ndarray, " directions"], evidence: float
 ) -> float:
-    """Strength along the first direction at which the expected score gives this evidence; inf if the data contain no
-    information on it.
-
-    Args:
-        information: Information on the directions.
-        scale: Scale of the prior of each direction.
-        evidence: The evidence, as of `evidences`.
+    """Strength along the first direction at which the expected score gives this evidence, as of `evidences`; inf if the
+    data contain no information on it. `scale` is that of the prior of each direction.
     """
     strengths = []
     for width in PRIOR_WIDTHS:

@@ -97,14 +97,10 @@ def is_contradicted(gains: Float[np.ndarray, " drivers"], tolerated: Float[np.nd
 
 
 def makes_simulations_worse(solver: Solver, before: FitState, after: FitState) -> bool:
-    """True if a corrected artefact more likely increases than reduces the closed-loop gap error of drivers.
+    """True if a corrected artefact more likely increases than reduces the closed-loop gap error of drivers: `before`
+    are the drivers as measured, under the model without the artefact, `after` the same with it corrected.
 
     One-step predictions may mistake other irregularities for an artefact; a simulation does not.
-
-    Args:
-        solver: Solver of the car-following model.
-        before: The drivers as measured, under the model without the artefact.
-        after: The same drivers with the artefact corrected.
     """
     first, second = gap_errors(solver, [before, after])
     return share_worse(first, second) >= 0.5

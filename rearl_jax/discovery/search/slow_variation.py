@@ -38,14 +38,9 @@ REPLICATES = 2
 
 
 def slow_variation(solver: Solver, state: FitState, noise: Noise, seed: int) -> TimeGapVariation:
-    """Variation of the time gap with which simulated drives have the measured autocovariance of the acceleration
-    residual, beside the fitted acceleration noise; a constant time gap if no variation makes them more similar.
-
-    Args:
-        solver: Solver of the car-following model.
-        state: State of the calibrated model.
-        noise: Noise of drivers and measurements as fitted.
-        seed: Seed of the simulations.
+    """Variation of the time gap with which simulated drives of the calibrated model have the measured autocovariance of
+    the acceleration residual, beside the fitted acceleration noise; a constant time gap if no variation makes them more
+    similar.
     """
     prior = solver.layout.prior
     measured = _autocovariances(solver, state, noise)
