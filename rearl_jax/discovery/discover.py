@@ -197,7 +197,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         study=config.study,
     )
     result_tables = {
-        "candidates": pd.DataFrame(tables.candidate_table(verdict)),
+        "candidates": tables.candidate_table(verdict),
         "errors": tables.error_table(errors),
         "drivers": tables.driver_table(solver, outcome),
         NULL_TABLE: tables.null_table(outcome.null),

@@ -70,7 +70,7 @@ class MeanProjection:
 
 
 def mean_projections(state: FitState, prior: Prior, own: OwnProjection) -> Iterator[MeanProjection]:
-    """Projections of the means that are searched in a solved state, class by class; `prior` contains that of the means."""
+    """Projections of the means that are searched in a solved state, class by class; `prior` contains theirs."""
     if state.holds_population:
         return
     precision, away, located = state.precision, state.away @ state.precision, prior.location_precision

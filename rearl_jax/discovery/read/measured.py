@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int, Shaped
 
 from rearl_jax.discovery.read.fused_errors import FusedErrors
 
-# Quantities that jump when another vehicle becomes the leader, second leader and so on, by vehicle.
+# Quantities that jump when another vehicle becomes the leader, the second leader, or one of the other vehicles.
 _OF_LEADER = (
     "leader_rear",
     "leader_centre",
@@ -26,9 +26,16 @@ _OF_LEADER = (
     "time_to_next",
 )
 _OF_SECOND = ("second_rear", "second_speed", "third_speed")
-_OF_FOLLOWER = ("follower_front", "follower_speed")
-_OF_LEFT = ("left_rear", "left_speed")
-_OF_NEXT = ("next_rear", "next_speed", "former_rear", "former_speed")
+_OF_OTHERS = (
+    "follower_front",
+    "follower_speed",
+    "left_rear",
+    "left_speed",
+    "next_rear",
+    "next_speed",
+    "former_rear",
+    "former_speed",
+)
 
 _SPEED_OF = {  # the speed with which a position changes
     "leader_rear": "leader_speed",
@@ -226,6 +233,7 @@ class Measured:
         surroundings = self.surroundings
         no_step_after_last = np.zeros_like(self.y[:1])
         same_leader = self.leader[1:] == self.leader[:-1]
+        same_second = same_leader & (surroundings.has_second[1:] == surroundings.has_second[:-1])
 
         def middle(name: str) -> np.ndarray:
             values = getattr(surroundings, name)
@@ -235,16 +243,12 @@ class Measured:
                 speed = getattr(surroundings, _SPEED_OF[name])
                 unexplained = step - (speed[1:] + speed[:-1]) * (self.dt / 2)
                 half = half - (speed[1:] - speed[:-1]) * (self.dt / 8)  # assumes constant acceleration
-            is_same = same_leader
+            is_same = same_leader if name in _OF_LEADER else np.abs(unexplained) < _LEAST_JUMP
             if name in _OF_SECOND:
-                is_same = same_leader & (surroundings.has_second[1:] == surroundings.has_second[:-1])
-            if name in (*_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT):
-                is_same = np.ones_like(same_leader)
-            if name in (*_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT):
-                is_same = is_same & (np.abs(unexplained) < _LEAST_JUMP)
+                is_same = is_same & same_second
             return values + np.concatenate([np.where(is_same, half, 0.0), no_step_after_last])
 
-        interpolated = {name: middle(name) for name in (*_OF_LEADER, *_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT)}
+        interpolated = {name: middle(name) for name in (*_OF_LEADER, *_OF_SECOND, *_OF_OTHERS)}
         return dataclasses.replace(surroundings, **interpolated)
 
     def select(self, pieces: np.ndarray) -> "Measured":

@@ -99,9 +99,9 @@ def fit_table(solver: Solver, fit: Fit) -> pd.DataFrame:
     return table
 
 
-def candidate_table(verdict: dict[str, Any]) -> list[dict[str, Any]]:
+def candidate_table(verdict: dict[str, Any]) -> pd.DataFrame:
     """Candidates of the verdict as flat rows."""
-    return [{**row, "variables": ",".join(row["variables"])} for row in verdict["candidates"]]
+    return pd.DataFrame([row | {"variables": ",".join(row["variables"])} for row in verdict["candidates"]])
 
 
 def summary(verdict: dict[str, Any]) -> dict[str, Any]:
