@@ -56,7 +56,12 @@ def effects_in_other_models(
     if not _named(outcome):
         return []
     chosen = recalibrated(solver, outcome.checked, outcome.last)
-    return [_tested_in(solver_of(fitted, prior), prior, outcome, chosen) for prior in priors[:MOST_OTHERS]]
+    tests = []
+    for prior in priors[:MOST_OTHERS]:
+        holds, other = _found_again(solver_of(fitted, prior), outcome)
+        gains = bounded_gains(other.marginal() - chosen.marginal(), outcome.checked)
+        tests.append(ModelTest(prior, holds, gains))
+    return tests
 
 
 def dependent_effects(outcome: Search, others: Sequence[ModelTest]) -> dict[Term, tuple[str, ...]]:
@@ -101,11 +106,6 @@ def better_model(others: Sequence[ModelTest], seed: int) -> Prior | None:
 def _named(outcome: Search) -> list[Term]:
     """Terms of the added effects that have a name."""
     return [trial.candidate.term for trial in outcome.added if trial.candidate.kind in NAMED_KINDS]
-
-
-def _tested_in(solver: Solver, prior: Prior, outcome: Search, chosen: FitState) -> ModelTest:
-    holds, other = _found_again(solver, outcome)
-    return ModelTest(prior, holds, bounded_gains(other.marginal() - chosen.marginal(), outcome.checked))
 
 
 def _found_again(solver: Solver, outcome: Search) -> tuple[dict[Term, bool], FitState]:

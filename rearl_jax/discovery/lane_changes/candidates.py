@@ -1,5 +1,5 @@
-"""Candidate influences on lane choice besides the driver's own acceleration: one or more columns per candidate, with a
-row per opportunity. The own gain is the acceleration that a driver gains by changing; side is -1 left, +1 right.
+"""Candidate influences on lane choice besides the own gain: one or more columns per candidate; side is -1 left, +1
+right.
 """
 
 from collections.abc import Callable

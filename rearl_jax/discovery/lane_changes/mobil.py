@@ -1,5 +1,4 @@
-"""MOBIL as a choice model: its rule accepts or refuses a change, and accepted and refused changes each have a rate. A
-table has a row per opportunity: a moment, about every half second, at which a driver has room to change to one side.
+"""MOBIL as a choice model: its rule accepts or refuses a change, and accepted and refused changes each have a rate.
 
 If the rule accepts a change, the driver decides every `delay` seconds at an unknown instant, so the probability of a
 change within one opportunity is its period / delay. If the rule refuses a change, drivers still change at a small rate,

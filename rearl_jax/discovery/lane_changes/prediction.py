@@ -1,7 +1,5 @@
-"""Lane-change probabilities of several models at every opportunity of held-out drivers, whom no model is fitted to.
-
-An opportunity is a moment, about every half second, at which a driver has room to change to one side. The hazard is a
-probability that depends on the acceleration gained and on the effects found (`strengths.IncentiveModel`).
+"""Lane-change probabilities of several models at every opportunity of held-out drivers. The hazard is the probability
+that depends on the own gain and on the effects found (`strengths.IncentiveModel`).
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,7 @@
 """Selection of lane-choice effects: effects are added as long as other drivers confirm them.
 
 Drivers are divided into three parts: 0 fitted drivers and 1 check drivers, to whom models are fitted and on whom they
-are checked in turn, and 2 report drivers, whose losses are stated. An opportunity is a moment, twice a second, at which
-a driver has room to change to one side; its own gain is the acceleration gained by changing.
+are checked in turn, and 2 report drivers, whose losses are stated.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,5 @@
 """Lane-choice effects as part of the incentive of a change [m/s^2]: they act through the same log-odds curve as the own
-gain, the acceleration that a driver gains by changing. Each row is an opportunity: a moment at which a driver has room
-to change to one side.
+gain.
 """
 
 from dataclasses import dataclass

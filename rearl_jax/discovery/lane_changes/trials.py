@@ -1,8 +1,7 @@
 """Trials of lane-choice candidates in addition to the effects already added.
 
 Drivers are divided into parts 0, 1 and 2. Models fitted to part 0 are checked on part 1 and vice versa. Changes are
-rare, so both parts together decide whether a candidate exceeds chance; part 2 is not used. Each row is an opportunity:
-a moment, twice a second, at which a driver has room to change to one side.
+rare, so both parts together decide whether a candidate exceeds chance; part 2 is not used.
 """
 
 from collections.abc import Sequence

@@ -82,7 +82,8 @@ class Programs:
 
     def sums(self, active: tuple[Term, ...]) -> Program:
         """Sums with the derivatives by the drivers' own parameters and by those of the active candidates."""
-        if not any(_remembers(term) for term in active):
+        effects = [CANDIDATE_EFFECTS[term.effect] for term in active if term.is_effect]
+        if all(effect.remember is Effect.remember for effect in effects):  # none has memory
             return self._sums_from_one_pass(active)
         places = jnp.asarray(self.free(active), int)
 
@@ -176,11 +177,6 @@ def batch_for(n_pieces: int) -> int:
     """
     wanted = n_pieces / len(jax.local_devices())
     return next((size for size in BATCHES if wanted <= size), BATCHES[-1])
-
-
-def _remembers(term: Term) -> bool:
-    """True if a term is an effect with memory."""
-    return term.is_effect and CANDIDATE_EFFECTS[term.effect].remember is not Effect.remember
 
 
 def _squeezed(knots: Knots) -> Knots:

@@ -1,9 +1,4 @@
-"""The document of a discovery: missing effects, error before and after, evidence and confidence.
-
-`before` is the calibrated model, `after` the final model with the effects found. Fitted drivers are those whom models
-are fitted to, check drivers those who decide whether a candidate is accepted, report drivers those whose errors are
-stated.
-"""
+"""The document of a discovery: missing effects, error before and after, evidence and confidence."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

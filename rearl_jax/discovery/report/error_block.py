@@ -1,5 +1,5 @@
-"""Entry `error` of the verdict: errors of the report drivers, who are used neither in the fit nor in the choice of
-effects, before and after effects were added, with intervals over drivers.
+"""Entry `error` of the verdict: errors of the report drivers before and after effects were added, with intervals over
+drivers.
 """
 
 from collections.abc import Mapping

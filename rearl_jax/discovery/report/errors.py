@@ -1,4 +1,4 @@
-"""Errors of models on the report drivers (not used to find the models), with the floor from the drivers' own noise.
+"""Errors of models on the report drivers, with the floor from the drivers' own noise.
 
 Only the drivers' own parameters are calibrated; everything else is kept as fitted to other drivers. The model is then
 simulated behind the measured leader, without correction. The main error uses parameters calibrated to each drive

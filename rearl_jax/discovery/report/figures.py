@@ -1,7 +1,5 @@
-"""Figures of the evidence for effects, errors, innovations, drivers' parameters, and an example drive.
-
-`before` is the calibrated model, `after` the final model with the effects found. Errors are those of the report
-drivers, who are used neither in the fit nor in the choice of effects.
+"""Figures of the evidence for effects, errors of the report drivers, innovations, drivers' parameters, and an example
+drive.
 """
 
 from collections.abc import Mapping, Sequence

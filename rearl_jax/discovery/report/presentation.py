@@ -1,7 +1,7 @@
 """Residuals, maps, figures and page of a discovery; they do not influence the verdict.
 
 A map is the acceleration residual as a curve over one variable, a plane the same over two; an atlas contains all of one
-model. `before` is the calibrated model, `after` the final one with the effects found.
+model.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,9 +23,7 @@ from rearl_jax.document.html import page_of
 from rearl_jax.results import Study
 
 PARTS = ("fitted", "checked", "reported")
-"""Parts of the drivers, in the order of the residuals: those whom models are fitted to, those whom candidates are
-checked on, and those whose errors are stated.
-"""
+"""Parts of the drivers, in the order of the residuals."""
 
 N_SELECTING_PARTS = 2
 """Number of the first parts from which sparse regression selects variables; the reported part is excluded."""

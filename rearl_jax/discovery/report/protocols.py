@@ -2,7 +2,7 @@
 
 Every error compares a simulation behind the measured leader with the measurement. A driver's parameters come from the
 population, from the first half of the drive, from the driver's other runs, or from the drive itself. The last case is
-not a prediction. Report drivers are those whose errors are stated; they are not used to find the model.
+not a prediction.
 """
 
 from collections.abc import Sequence

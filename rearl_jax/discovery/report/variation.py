@@ -1,8 +1,6 @@
 """Variation of the time gap within a driver, and the energy score of simulations with and without it.
 
-The variation is estimated on the fitted drivers, whom the model is fitted to, and scored on the report drivers, who are
-used neither in the fit nor in the choice of effects. The calibrated model contains no effect found by the search; the
-final model contains all.
+The variation is estimated on the fitted drivers and scored on the report drivers.
 
 Entry `time_gap_variation` of the verdict: {sd, time, noise_share, start_share, time_gap, energy_score: {before,
 constant, varying, change, change_share}}. `sd` is the standard deviation of log T within a driver [-], T the time gap,
