@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.observe.autocorrelation import autocorrelation
 from rearl_jax.discovery.observe.fit_state import FitState, new_state, replaced, with_noise
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import far_from_changes, relative_variance, squared_leader_acceleration
+from rearl_jax.discovery.observe.residuals import autocorrelation
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.starts import from_best_start
 from rearl_jax.discovery.read.measured import Measured

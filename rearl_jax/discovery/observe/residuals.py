@@ -13,6 +13,7 @@ is missing. Dependences are therefore estimated from the innovations (`forcing`)
 Source: fixed-interval smoother by backward recursion of the innovations, de Jong, Ann. Stat. 17 (1989) 1073.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -20,7 +21,6 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.core.effects.stimulus import Stimulus
-from rearl_jax.discovery.observe.autocorrelation import autocorrelation
 from rearl_jax.discovery.observe.candidates import LENS, lens_at
 from rearl_jax.discovery.observe.closed_loop import FARTHEST
 from rearl_jax.discovery.observe.drivers import Prior
@@ -147,3 +147,34 @@ def smoothed_acceleration(
         later_information += MEASURED[:, None] * used[t] / gain.variance
         smoothed[t] = predicted[t] + observer.covariance[t % stride][2] @ later_information
     return np.where(has_ended, 0.0, smoothed)
+
+
+def autocorrelation(
+    innovation: Float[np.ndarray, "steps pieces"],
+    weight: Float[np.ndarray, "steps pieces"],
+    stride: int,
+    furthest: int,
+) -> Float[np.ndarray, " lags"]:
+    """Autocorrelation of weighted innovations at lags of one, two, ... strides [-].
+
+    Args:
+        innovation: Innovations [m]; a piece is an uninterrupted part of a track.
+        weight: 1 where a time step counts.
+        stride: Time steps from one independent measurement to the next.
+        furthest: Largest lag [time steps].
+    """
+    variance = max(float(((innovation * weight) ** 2).sum() / max(weight.sum(), 1.0)), 1e-12)
+    return autocovariances(innovation, weight, range(stride, min(furthest, len(weight) - 1) + 1, stride)) / variance
+
+
+def autocovariances(
+    values: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"], lags: Iterable[int]
+) -> Float[np.ndarray, " lags"]:
+    """Mean products of values of mean 0 at given lags [time steps], over the pairs of time steps that both count; 0 at
+    lags without such pairs.
+    """
+    counted, covariances = values * weight, []
+    for lag in lags:
+        pairs = max((weight[lag:] * weight[:-lag]).sum(), 1.0)
+        covariances.append((counted[lag:] * counted[:-lag]).sum() / pairs)
+    return np.array(covariances)

@@ -16,10 +16,9 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.observe.autocorrelation import autocovariances
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.residuals import smoothed_acceleration
+from rearl_jax.discovery.observe.residuals import autocovariances, smoothed_acceleration
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation
 from rearl_jax.discovery.search.simulated_drives import noise_alone

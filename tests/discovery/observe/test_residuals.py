@@ -5,10 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rearl_jax.blind.traffic.dataset import write_dataset
-from rearl_jax.blind.traffic.scenario import Scenario
-from rearl_jax.config.data import DataConfig, DataFormat
-from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.discovery.observe.fit_state import new_state, replace_gain
 from rearl_jax.discovery.observe.forcing import (
     DriverScores,
@@ -22,8 +18,6 @@ from rearl_jax.discovery.observe.observer import pieces_of
 from rearl_jax.discovery.observe.residuals import residuals_of, smoothed_acceleration
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.measured import is_new
-from rearl_jax.discovery.read.reading import measure
-from rearl_jax.discovery.read.smoothing import thinned
 from rearl_jax.discovery.report.figures import stretches
 from rearl_jax.discovery.report.presentation import residual_table
 from rearl_jax.discovery.report.protocols import speed_deviation
@@ -40,11 +34,8 @@ SLOPE = 0.6
 
 
 @pytest.fixture(scope="module")
-def solver_and_world(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("traffic")
-    write_dataset(folder, Scenario(5, n_recordings=1, n_vehicles=18, duration=30.0, lane_changes=2))
-    recordings = iterate_recordings(DataConfig(format=DataFormat.table, root=str(folder)))
-    data = measure([thinned(recording) for recording in recordings])
+def solver_and_world(measured_of):
+    data = measured_of(seed=5, n_recordings=1, n_vehicles=18, duration=30.0, lane_changes=2)
     solver = solver_of(data)
     return solver, new_state(data, solver.layout, NOISE)
 

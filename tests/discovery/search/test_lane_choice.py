@@ -34,16 +34,6 @@ BIAS = {"bias": Estimate(0.35, 0.3, 0.4, "m/s^2")}
 KEEP_RIGHT = Claim("keep_right", "driver", BIAS, ("side",), 0.98, 90.0)
 
 
-@pytest.fixture
-def recordings(keep_right):
-    return keep_right
-
-
-@pytest.fixture
-def found(lane_findings):
-    return lane_findings
-
-
 @pytest.fixture(scope="module")
 def search(solver, calibrated):
     """A search that has calibrated drivers and nothing more."""
@@ -68,7 +58,7 @@ def test_vehicles_have_the_numbers_that_measure_gives_them(recordings_of):
 
 
 @pytest.mark.thorough
-def test_drivers_are_known_and_split_as_they_were_for_car_following(recordings, solver, search, monkeypatch):
+def test_drivers_are_known_and_split_as_they_were_for_car_following(keep_right, solver, search, monkeypatch):
     asked = []
 
     def record(*arguments):
@@ -76,9 +66,9 @@ def test_drivers_are_known_and_split_as_they_were_for_car_following(recordings, 
         return lane_change_findings(*arguments)
 
     monkeypatch.setattr("rearl_jax.discovery.search.lane_choice.lane_change_findings", record)
-    parts = parts_of(recordings)
+    parts = parts_of(keep_right)
     found = replace(search, checked=parts.checked)
-    lanes = lane_choice(solver, found, parts, recordings, DiscoverConfig(confidence=0.8, seed=3))
+    lanes = lane_choice(solver, found, parts, keep_right, DiscoverConfig(confidence=0.8, seed=3))
     ((_, known, split, confidence, seed),) = asked
     assert (confidence, seed) == (0.8, 3)
     for part, vehicles in zip((parts.fitted, parts.checked, parts.reported), split, strict=True):
@@ -102,18 +92,18 @@ def verdict(word, *effects):
 
 
 def lanes_with(*effects):
-    return LaneChangeFindings(effects, (), 400, 9000, 0.2, 0.1, Estimate(-0.1, -0.2, 0.0, "nats"), "some words")
+    return LaneChangeFindings(400, 9000, "some words", effects)
 
 
 @pytest.mark.thorough  # the traffic takes seconds
-def test_findings_go_behind_those_of_car_following(found):
-    whole = with_lane_choice(verdict("named", {"name": "grade"}), found)
+def test_findings_go_behind_those_of_car_following(lane_findings):
+    whole = with_lane_choice(verdict("named", {"name": "grade"}), lane_findings)
     assert whole["verdict"] == "named"
     assert [effect["name"] for effect in whole["effects"]] == ["grade", "keep_right"]
     assert [row["name"] for row in whole["candidates"]][:2] == ["grade", "keep_right"]
     assert len(whole["candidates"]) == 1 + len(CANDIDATES)
-    assert whole["data"]["notes"] == ["a note", found.words]
-    assert whole["lane_choice"]["changes"] == found.n_changes >= 150
+    assert whole["data"]["notes"] == ["a note", lane_findings.words]
+    assert whole["lane_choice"]["changes"] == lane_findings.n_changes >= 150
 
 
 @pytest.mark.parametrize(
@@ -144,8 +134,8 @@ def test_every_effect_that_can_be_found_can_be_written(candidate, tmp_path):
 
 
 @pytest.mark.slow
-def test_what_was_found_changes_the_simulation(found, tmp_path):
-    (effect,) = found.effects
+def test_what_was_found_changes_the_simulation(lane_findings, tmp_path):
+    (effect,) = lane_findings.effects
     write_model(tmp_path / "model.yaml", model(lane_effect_values(effect)))
     repaired = read_model(tmp_path / "model.yaml")
     (read,) = repaired.effects
