@@ -75,15 +75,8 @@ def best_search(
     """Search with the car-following model that fits best, and a test of the effects found in other models.
 
     If the effects found do not explain the drivers (see `is_explained`), clock offsets and effects are kept only if the
-    check drivers are predicted significantly better with them.
-
-    Args:
-        config: The task.
-        study: Folder that keeps the null distribution of an interrupted run; None to keep nothing.
-        priors: The car-following models, with prior distributions of their parameters.
-        parts: The drivers.
-        bar: Progress display.
-        label: Beginning of its lines.
+    check drivers are predicted significantly better with them. The `study`, if there is one, keeps the null
+    distribution of an interrupted run; `label` is the beginning of the lines of the bar.
     """
     best = _with_best_model(config, study, priors, parts, bar, label)
     if is_explained(best.outcome, best.adequacy):

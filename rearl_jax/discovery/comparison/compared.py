@@ -63,15 +63,9 @@ def compared_models(
     *,
     lane_changes: bool,
 ) -> tuple[list[ModelPredictions], Base]:
-    """Predictions of every model for the check drivers, and the calibrated first model.
-
-    Args:
-        solvers: Solver of each model; the model of the key `driver` is first.
-        fitted: Drivers that the models are calibrated to.
-        checked: Drivers that the models are compared on.
-        seed: Seed of the resamples of drivers.
-        progress: Called with the number of models done and of all models.
-        lane_changes: Whether the calibrated models contain the effects of lane changes.
+    """Predictions of every model for the check drivers, and the calibrated first model, which is that of the key
+    `driver`. Models are calibrated to `fitted` drivers, with the effects of lane changes if `lane_changes`; `progress`
+    is called with the number of models done and of all models.
     """
     progress(0, len(solvers))
     base = base_of(solvers[0], fitted, lane_changes=lane_changes)

@@ -111,12 +111,8 @@ def prediction(
 ) -> Prediction | None:
     """Predictions for the third part of the drivers; None if the fitted or the held-out drivers have too few changes.
 
-    Args:
-        table: All opportunities.
-        part: Part of each opportunity's driver, 0 to 2; drivers of parts 0 and 1 are fitted.
-        hazard: Probability of a change under the calibrated hazard [-].
-        confidence: Confidence of the intervals of MOBIL's parameters.
-        n_recorded, n_ramp: As in `Prediction`.
+    `part` is the part of each opportunity's driver, 0 to 2; drivers of parts 0 and 1 are fitted. `hazard` is the
+    probability of a change under the calibrated hazard [-], `confidence` that of the intervals of MOBIL's parameters.
     """
     fitted, held_out = table.take(part < 2), table.take(part == 2)
     if min(fitted.changes.sum(), held_out.changes.sum()) < LEAST_IN_PART:

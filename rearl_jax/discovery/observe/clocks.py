@@ -76,11 +76,8 @@ class Shifts(ABC):
     def normal_equations(
         self, score: Float[np.ndarray, "drivers leaders"], information: Float[np.ndarray, "drivers leaders leaders"]
     ) -> tuple[Float[np.ndarray, "groups numbers"], Float[np.ndarray, "groups numbers numbers"]]:
-        """Right-hand side and matrix of the normal equations for the shifts: their score and information.
-
-        Args:
-            score: Score of each driver with respect to the time by which each main leader's clock is ahead of its own.
-            information: Information matrix with respect to the same times.
+        """Right-hand side and matrix of the normal equations for the shifts: their score and information, from those of
+        each driver with respect to the times by which the clocks of its main leaders are ahead of its own.
         """
 
     @abstractmethod

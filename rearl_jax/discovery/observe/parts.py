@@ -57,13 +57,8 @@ def measured_drivers(
     recordings: Sequence[Recording], options: DiscoverConfig, prior: Prior = IDM_PRIOR, same: str | None = None
 ) -> tuple[list[Finding], Measured]:
     """Findings in the columns, and drivers who follow a leader long enough: a random sample of at most `max_drivers`
-    per group.
-
-    Args:
-        recordings: The recordings.
-        options: Keys of discovery.
-        prior: Prior distribution of drivers' parameters.
-        same: Label by which the data format identifies the same driver or car, used if `options.same` names no label.
+    per group. `same` is the label by which the data format identifies the same driver or car, used if `options.same`
+    names no label.
 
     Raises:
         ValueError: The frame rates differ, a label is unknown, or no driver follows a leader long enough.

@@ -155,13 +155,9 @@ def autocorrelation(
     stride: int,
     furthest: int,
 ) -> Float[np.ndarray, " lags"]:
-    """Autocorrelation of weighted innovations at lags of one, two, ... strides [-].
-
-    Args:
-        innovation: Innovations [m]; a piece is an uninterrupted part of a track.
-        weight: 1 where a time step counts.
-        stride: Time steps from one independent measurement to the next.
-        furthest: Largest lag [time steps].
+    """Autocorrelation of weighted innovations [m] at lags of one, two, ... strides [-], up to the furthest lag [time
+    steps]. The weight is 1 where a time step counts; a stride is the number of time steps from one independent
+    measurement to the next.
     """
     variance = max(float(((innovation * weight) ** 2).sum() / max(weight.sum(), 1.0)), 1e-12)
     return autocovariances(innovation, weight, range(stride, min(furthest, len(weight) - 1) + 1, stride)) / variance

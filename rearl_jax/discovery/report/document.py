@@ -75,13 +75,8 @@ def document_of(
     maps: pd.DataFrame | None = None,
     sources: tuple[DataSource, ...] = (),
 ) -> Document:
-    """The document of a discovery.
-
-    Args:
-        config: The task.
-        verdict: Content of verdict.json, see `verdict.py`.
-        maps: Content of maps.parquet, for remaining dependences of the residual; None to leave them out.
-        sources: Data sets with their licences.
+    """The document of a discovery, from the content of verdict.json and of maps.parquet; without the latter, remaining
+    dependences of the residual are left out. `sources` are the data sets with their licences.
     """
     data, candidates = verdict["data"], verdict["candidates"]
     following = [row for row in candidates if not is_lane_choice(row)]

@@ -39,12 +39,8 @@ POOLS: dict[str, Pool] = {"log_likelihood": np.sum, "energy_score": np.mean}
 
 
 def error_block(errors: Mapping[str, ModelErrors], resampling: Resampling) -> dict[str, Any]:
-    """Entry `error` of the verdict.
-
-    Args:
-        errors: Errors by model: `before`; `after` if effects were added, or `oracle` if the true effect was given; IDM
-            for comparison.
-        resampling: Resampling of the report drivers.
+    """Entry `error` of the verdict, from errors by model: `before`; `after` if effects were added, or `oracle` if the
+    true effect was given; IDM for comparison.
     """
     final_name = "after" if "after" in errors else "oracle" if "oracle" in errors else "before"
     first, final, idm = errors["before"], errors[final_name], errors.get(IDM)

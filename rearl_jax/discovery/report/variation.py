@@ -42,14 +42,9 @@ def variation_block(
     variation: TimeGapVariation,
     resampling: Resampling,
 ) -> dict[str, Any]:
-    """Entry `time_gap_variation` of the verdict.
-
-    Args:
-        solver: Solver of the models.
-        calibrated_on: The calibrated model, and the report drivers.
-        final_on: The final model, and the report drivers with the clock corrections found with this model.
-        variation: Variation estimated on the fitted drivers.
-        resampling: Resampling of drivers; its seed is also used for the noise.
+    """Entry `time_gap_variation` of the verdict: from the calibrated model with the report drivers, and from the final
+    model with these drivers, their clocks corrected with that model. The seed of the resampling is also used for the
+    noise.
     """
 
     def scores_of(fit: Fit, halves: FitState | None, varied: TimeGapVariation) -> Float[np.ndarray, " drivers"]:

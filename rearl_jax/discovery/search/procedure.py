@@ -120,18 +120,12 @@ def with_predictive_effects(
     null_for: NullFor,
     report: Report,
 ) -> Search:
-    """The search with only those additions that predict other drivers better; `outcome` itself if all of them do.
+    """The search with only those additions that predict other drivers better; `outcome` itself if all of them do. The
+    first of some trials, the best first, that predicts them better than the model it was added to is that of
+    `most_predictive`; None if none does.
 
     An addition that does not is replaced by the next best trial of its round, and the rounds after it are repeated
     without its candidate.
-
-    Args:
-        solver: Solver of the car-following model.
-        outcome: The search.
-        most_predictive: The first of some trials, the best first, that predicts other drivers better than the model it
-            was added to; None if none does.
-        null_for: Null distributions, see `NullFor`.
-        report: As in `search`.
     """
     kept = replace(outcome, rounds=[], rejected=list(outcome.rejected))
     stored = list(outcome.rounds)

@@ -67,15 +67,10 @@ def _scores(
     free: np.ndarray,
     layout: Layout,
 ) -> dict[Term, Score]:
-    """Scores of one state, with nuisance parameters projected out one after the other: the drivers' own parameters, the
-    population means of cars and of trucks, and the parameters of added effects (Schur complements).
-
-    Args:
-        state: A solved state.
-        sums: Sums of `sensitivity.sensitivity_sums` over each driver.
-        groups: Number of the block in `sums`, and indices among all directions of theta, of each candidate.
-        free: Indices of theta of the added effects.
-        layout: Layout of theta.
+    """Scores of one solved state, with nuisance parameters projected out one after the other: the drivers' own
+    parameters, the population means of cars and of trucks, and the parameters of added effects, at the indices `free`
+    of theta (Schur complements). `groups` are, for each candidate, the number of the block in `sums` and the indices
+    among all directions of theta.
     """
     n_kept, n_own = len(free), layout.prior.size
     variances = state.variances
