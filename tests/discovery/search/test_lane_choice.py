@@ -27,6 +27,7 @@ from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
 from rearl_jax.models.file import read_model, write_model
 from rearl_jax.models.population import population_of_model
 from rearl_jax.models.traffic import populate
+from tests.discovery.search.searches import search_that_added
 from tests.models.drivers import model
 
 ROAD = TrafficModel(n_lanes=3, speed_limit=None)
