@@ -116,7 +116,6 @@ LANE_CHANGES = (EARLY_LEADER, Term("relaxation"))
 LENS = Term("lens")
 """Distortion of positions by the camera."""
 
-
 NAMED_KINDS = frozenset({"driver", "road"})
 """Kinds of candidates that are named effects of traffic; the others are free curves and artefacts of the recording."""
 

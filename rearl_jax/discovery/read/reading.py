@@ -33,7 +33,6 @@ SETTLING = 1.5
 BEFORE_JUMP = 0.5
 """Time before a position jump in which the jump affects smoothed values [s]."""
 
-
 LEAST_NOISE, EXACT_NOISE = 0.02, 0.05
 """Smallest assumed standard deviation of positions [m], for measurements and for simulations without noise. Noise is
 added to more accurate positions: otherwise the residuals would be errors of time discretisation in the model and in the
