@@ -52,14 +52,8 @@ known to 0.3 standard deviations.
 
 @dataclass(frozen=True)
 class BestSearch:
-    """Result of the search with the chosen car-following model.
-
-    Attributes:
-        solver: Solver of the chosen model.
-        outcome: Result of the search.
-        adequacy: Measures of the errors that the final model does not explain.
-        comparison: Comparison of the car-following models; None if there is only one.
-        model_tests: The effects found, tested in other car-following models.
+    """Result of the search with the chosen car-following model: its solver, the adequacy of the final model, the
+    comparison of models (None if there is only one), and the effects found, tested in other models.
     """
 
     solver: Solver

@@ -37,14 +37,8 @@ UNKNOWN = "unknown"
 
 @dataclass(frozen=True)
 class Drivers:
-    """All drivers of the recordings.
-
-    Attributes:
-        id: Identity of the data.
-        generated: Whether any of the data were generated, not measured.
-        recordings: The recordings of the drivers.
-        findings: Artefacts and properties of the measurement that the columns show.
-        data: The drivers.
+    """All drivers of the recordings, with the identity of the data and the artefacts and properties of the measurement
+    that the columns show; `generated` is true if any of the data were generated, not measured.
     """
 
     id: str

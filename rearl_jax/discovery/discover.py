@@ -64,14 +64,9 @@ from rearl_jax.results import Study
 
 @dataclass(frozen=True)
 class PageData:
-    """Data of the figures and the page.
-
-    Attributes:
-        solver: Solver of the car-following model.
-        search: Result of the search.
-        parts: The drivers as measured.
-        reported: The report drivers, with corrected clocks if those of the fitted drivers were corrected.
-        errors: Errors of the models without (`before`) and with (`after`) the effects found, and of IDM (`idm`).
+    """Data of the figures and the page: `parts` are the drivers as measured, `reported` the report drivers, with
+    corrected clocks if those of the fitted drivers were corrected, and `errors` those of the models without (`before`)
+    and with (`after`) the effects found, and of IDM (`idm`).
     """
 
     solver: Solver

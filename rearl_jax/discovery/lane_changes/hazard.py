@@ -28,11 +28,8 @@ KNOT_SHARES = (0.25, 0.5, 0.75, 0.9)
 
 @dataclass(frozen=True)
 class Logit:
-    """A fitted logit.
-
-    Attributes:
-        coefficients: Coefficients of the columns [log-odds per unit].
-        covariance: Covariance of the coefficients, by the scatter between drivers.
+    """A fitted logit: coefficients of the columns [log-odds per unit], and their covariance, by the scatter between
+    drivers.
     """
 
     coefficients: Float[np.ndarray, " columns"]

@@ -90,11 +90,8 @@ class MobilRule:
 
 @dataclass(frozen=True)
 class CalibratedMobil:
-    """MOBIL calibrated to measured lane changes.
-
-    Attributes:
-        rule: Maximum a posteriori rule.
-        estimates: Parameters of the rule with intervals, by name; the delay has no interval.
+    """MOBIL calibrated to measured lane changes: the maximum a posteriori rule, and its parameters with intervals, by
+    name; the delay has no interval.
     """
 
     rule: MobilRule

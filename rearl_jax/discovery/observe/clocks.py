@@ -47,11 +47,8 @@ def following(data: Measured) -> Float[np.ndarray, "leaders steps pieces"]:
 
 @dataclass(frozen=True)
 class ShiftEstimate:
-    """Estimated time shifts of leaders.
-
-    Attributes:
-        values: Shifts by group [s]; the groups are those of the model of shifts (`Shifts`).
-        cost: Complexity penalty of the shifts: prior and Occam factor [nats].
+    """Estimated time shifts of leaders by group [s], the groups being those of the model of shifts (`Shifts`), and
+    their complexity penalty: prior and Occam factor [nats].
     """
 
     values: Float[np.ndarray, "groups numbers"]

@@ -40,11 +40,8 @@ PLANES = (("gap", "approach_rate"), ("position", "time"))
 
 @dataclass(frozen=True)
 class Grid:
-    """Knots of the curves and edges of the planes' cells, the same for all models and parts of the data.
-
-    Attributes:
-        bases: Knots of the curve over each variable.
-        edges: Edges of the cells by variable.
+    """Knots of the curve over each variable (`bases`), and edges of the planes' cells by variable, the same for all
+    models and parts of the data.
     """
 
     bases: tuple[Basis, ...]

@@ -47,12 +47,8 @@ class ClockCheck:
 
 @dataclass(frozen=True)
 class ShiftCorrection:
-    """Drivers with corrected leader positions.
-
-    Attributes:
-        data: The drivers.
-        estimate: The corrected shifts.
-        gain: Gain against the uncorrected data, less the complexity penalty [nats].
+    """Drivers with corrected leader positions, the corrected shifts, and the gain against the uncorrected data, less
+    the complexity penalty [nats].
     """
 
     data: Measured

@@ -32,12 +32,8 @@ CURVE_SCALE = 0.3
 
 @dataclass(frozen=True)
 class Group:
-    """The curve of one variable.
-
-    Attributes:
-        variable: Name of the variable.
-        acts_on: `acceleration` or `time_gap`.
-        columns: Indices of the columns of its knots in the design matrix.
+    """The curve of one variable that acts on `acceleration` or `time_gap`: `columns` are the indices of the columns of
+    its knots in the design matrix.
     """
 
     variable: str
@@ -47,12 +43,8 @@ class Group:
 
 @dataclass(frozen=True)
 class Selected:
-    """A variable and how often it was selected.
-
-    Attributes:
-        variable: Name of the variable.
-        frequency: Share of the halves in which one or both of its curves were selected [-].
-        first: Share of the halves in which it was the first variable selected [-].
+    """A variable, the share of the halves in which one or both of its curves were selected (`frequency`), and of those
+    in which one was the first (`first`) [-].
     """
 
     variable: str
