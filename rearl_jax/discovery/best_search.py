@@ -103,7 +103,7 @@ def _in_other_models(
     solver: Solver, outcome: Search, comparison: Comparison | None, parts: Parts, seed: int
 ) -> tuple[Search, Sequence[ModelTest]]:
     """A search with its effects that other models do without, and the tests of its effects in these models."""
-    others = () if comparison is None else comparison.others
+    others = () if comparison is None else comparison.rivals
     model_tests = effects_in_other_models(solver, outcome, others, parts.fitted)
     return with_doubts(outcome, model_tests, seed), model_tests
 
