@@ -8,9 +8,7 @@ groups    [{by, value, drivers, driver_seconds, cars, shared, labels, verdict, e
           equilibrium_time_gap, notes}]: `labels` {label: {value, share}} the most common value of each label and its
           share of the drivers, `cars` the number of persons or cars, null if no identity is known; `shared` the number
           of them among both fitted drivers (whom the model is fitted to) and report drivers (whose errors are
-          stated); `equilibrium_time_gap` {speed [m/s]: {value, low, high}}, the median of gap over speed [s] behind a
-          leader of that speed in the calibrated model, over the fitted drivers whose desired speed is higher, null if
-          these are fewer than half
+          stated); `equilibrium_time_gap` as in the entry `base` of a verdict without groups
 grouping  {by, left_out: {value: drivers}}: number of drivers outside all groups; for kinds found without labels also
           {kinds, evidence, distinctness, gain, chance, uncertain, purity: {label: {value, by_chance}}}, see
           `discovery.groups.kinds`
