@@ -158,7 +158,7 @@ def _of_groups(
     study: Study | None,
     keep: Keep | None,
 ) -> Discovery:
-    """A discovery of each group, with a joint verdict; None for drivers whose group is unknown."""
+    """A discovery of each group, with a joint verdict; the group of a driver is None if it is unknown."""
     data_of_groups, left_out = grouped(drivers.data, group_of_driver)
     if not data_of_groups:
         sizes = ", ".join(f"{name} {n}" for name, n in left_out.items())
