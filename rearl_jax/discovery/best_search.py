@@ -32,11 +32,11 @@ from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.search.adequacy import Adequacy, adequacy
-from rearl_jax.discovery.search.confirmation import confirmed
 from rearl_jax.discovery.search.explanation import is_explained, names_more, prediction_of, predicts_better
 from rearl_jax.discovery.search.null import Null, null_of
 from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.search.procedure import NullFor, Report, search
+from rearl_jax.discovery.search.simulation import confirmed
 from rearl_jax.progress import shown
 from rearl_jax.results import Study
 
@@ -52,14 +52,8 @@ known to 0.3 standard deviations.
 
 @dataclass(frozen=True)
 class BestSearch:
-    """Result of the search with the chosen car-following model.
-
-    Attributes:
-        solver: Solver of the chosen model.
-        outcome: Result of the search.
-        adequacy: Measures of the errors that the final model does not explain.
-        comparison: Comparison of the car-following models; None if there is only one.
-        model_tests: The effects found, tested in other car-following models.
+    """Result of the search with the chosen car-following model: its solver, the adequacy of the final model, the
+    comparison of models (None if there is only one), and the effects found, tested in other models.
     """
 
     solver: Solver
@@ -75,15 +69,8 @@ def best_search(
     """Search with the car-following model that fits best, and a test of the effects found in other models.
 
     If the effects found do not explain the drivers (see `is_explained`), clock offsets and effects are kept only if the
-    check drivers are predicted significantly better with them.
-
-    Args:
-        config: The task.
-        study: Folder that keeps the null distribution of an interrupted run; None to keep nothing.
-        priors: The car-following models, with prior distributions of their parameters.
-        parts: The drivers.
-        bar: Progress display.
-        label: Beginning of its lines.
+    check drivers are predicted significantly better with them. The `study`, if there is one, keeps the null
+    distribution of an interrupted run; `label` is the beginning of the lines of the bar.
     """
     best = _with_best_model(config, study, priors, parts, bar, label)
     if is_explained(best.outcome, best.adequacy):
@@ -116,7 +103,7 @@ def _in_other_models(
     solver: Solver, outcome: Search, comparison: Comparison | None, parts: Parts, seed: int
 ) -> tuple[Search, Sequence[ModelTest]]:
     """A search with its effects that other models do without, and the tests of its effects in these models."""
-    others = () if comparison is None else comparison.others
+    others = () if comparison is None else comparison.rivals
     model_tests = effects_in_other_models(solver, outcome, others, parts.fitted)
     return with_doubts(outcome, model_tests, seed), model_tests
 

@@ -49,10 +49,7 @@ class Claim:
 
 
 def share_of(total: float, rivals: Sequence[float]) -> float:
-    """Posterior probability of an explanation [-] if it, its rivals and "no effect" are equally probable a priori.
-
-    Args:
-        total: Gain of log-likelihood by the explanation over no effect [nats].
-        rivals: Gains of the rivals [nats].
+    """Posterior probability of an explanation [-] if it, its rivals and "no effect" are equally probable a priori; its
+    gain of log-likelihood over no effect is `total`, those of its rivals are `rivals` [nats].
     """
     return 1.0 / (1.0 + float(np.exp(np.clip(np.array([0.0, *rivals]) - total, -50, 50)).sum()))

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 import pandas as pd
 from rich.progress import Progress
 
@@ -13,7 +14,6 @@ from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import label_of_same
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.discover import Discovery, discovery_of
-from rearl_jax.discovery.groups.group import Grouping, grouped
 from rearl_jax.discovery.groups.kinds import Kinds, driver_likelihoods, kinds_of, purity
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.drivers import prior_of
@@ -31,17 +31,14 @@ from rearl_jax.results import Study
 Keep = Callable[[Study, Discovery], None]
 """Function that writes a discovery into its folder."""
 
+UNKNOWN = "unknown"
+"""Name of the group of drivers whose group is unknown."""
+
 
 @dataclass(frozen=True)
 class Drivers:
-    """All drivers of the recordings.
-
-    Attributes:
-        id: Identity of the data.
-        generated: Whether any of the data were generated, not measured.
-        recordings: The recordings of the drivers.
-        findings: Artefacts and properties of the measurement that the columns show.
-        data: The drivers.
+    """All drivers of the recordings, with the identity of the data and the artefacts and properties of the measurement
+    that the columns show; `generated` is true if any of the data were generated, not measured.
     """
 
     id: str
@@ -95,7 +92,7 @@ def compute(
     else:
         kinds = _kinds(config, drivers, bar) if by == AUTO else None
         names = drivers.data.label(by).tolist() if kinds is None else kinds.names()
-        discovery = _of_groups(config, drivers, grouped(drivers.data, names), bar, study, keep)
+        discovery = _of_groups(config, drivers, names, bar, study, keep)
         if kinds is not None:
             labels = {name: drivers.data.label(name).tolist() for name in drivers.data.labels}
             purities = {name: purity(kinds.of_driver, values, config.discover.seed) for name, values in labels.items()}
@@ -156,19 +153,20 @@ def group_studies(
 def _of_groups(
     config: DiscoverTask,
     drivers: Drivers,
-    grouping: Grouping,
+    group_of_driver: Sequence[str | None],
     bar: Progress,
     study: Study | None,
     keep: Keep | None,
 ) -> Discovery:
-    """A discovery of each group, with a joint verdict."""
-    if not grouping.groups:
-        left_out = ", ".join(f"{name} {n}" for name, n in grouping.left_out.items())
-        message = f"no group has the {THRESHOLDS.least_drivers} drivers that are needed: {left_out}"
+    """A discovery of each group, with a joint verdict; the group of a driver is None if it is unknown."""
+    data_of_groups, left_out = grouped(drivers.data, group_of_driver)
+    if not data_of_groups:
+        sizes = ", ".join(f"{name} {n}" for name, n in left_out.items())
+        message = f"no group has the {THRESHOLDS.least_drivers} drivers that are needed: {sizes}"
         raise InvalidInputError(Problem("too-few-drivers", message, "choose another label", key="discover.by"))
-    names = [group.name for group in grouping.groups]
+    names = list(data_of_groups)
     studies = {} if study is None else group_studies(study, config, names, drivers.id, generated=drivers.generated)
-    groups, parts = {}, {group.name: drivers.parts(group.data, config.discover.seed) for group in grouping.groups}
+    groups, parts = {}, {name: drivers.parts(data, config.discover.seed) for name, data in data_of_groups.items()}
     for name in names:
         group_study = studies.get(name)
         finished = None if group_study is None or keep is None else _finished(config, drivers.id, group_study)
@@ -179,9 +177,25 @@ def _of_groups(
                 keep(group_study, finished)
                 finished = replace(finished, model=None, page_data=None)  # written, so the memory is freed
         groups[name] = finished
-    verdict = verdict_of_groups(config.discover, groups, parts, grouping.left_out)
+    verdict = verdict_of_groups(config.discover, groups, parts, left_out)
     infos = tuple(recording.info for recording in drivers.recordings)
     return Discovery(config, drivers.id, verdict, groups=groups, infos=infos)
+
+
+def grouped(data: Measured, names: Sequence[str | None]) -> tuple[dict[str, Measured], dict[str, int]]:
+    """Drivers of each group by its name, and the number of drivers by name for groups that are left out: those with too
+    few drivers to fit, check and report on different ones, and drivers whose group is unknown. `names` are those of
+    each driver's group, None where it is unknown.
+    """
+    group_of = np.array([UNKNOWN if name is None else name for name in names], object)
+    groups, left_out = {}, {}
+    for name in sorted(set(group_of.tolist())):
+        is_member = group_of == name
+        if name == UNKNOWN or is_member.sum() < THRESHOLDS.least_drivers:
+            left_out[name] = int(is_member.sum())
+        else:
+            groups[name] = data.of_drivers(is_member)
+    return groups, left_out
 
 
 def _finished(config: DiscoverTask, identity: str, study: Study) -> Discovery | None:

@@ -64,14 +64,9 @@ from rearl_jax.results import Study
 
 @dataclass(frozen=True)
 class PageData:
-    """Data of the figures and the page.
-
-    Attributes:
-        solver: Solver of the car-following model.
-        search: Result of the search.
-        parts: The drivers as measured.
-        reported: The report drivers, with corrected clocks if those of the fitted drivers were corrected.
-        errors: Errors of the models without (`before`) and with (`after`) the effects found, and of IDM (`idm`).
+    """Data of the figures and the page: `parts` are the drivers as measured, `reported` the report drivers, with
+    corrected clocks if those of the fitted drivers were corrected, and `errors` those of the models without (`before`)
+    and with (`after`) the effects found, and of IDM (`idm`).
     """
 
     solver: Solver
@@ -116,13 +111,8 @@ def discovery_of(
 ) -> Discovery:
     """Discovery of the effects that the traffic model lacks for some drivers.
 
-    Args:
-        config: The task.
-        parts: The drivers.
-        recordings: The recordings of these drivers.
-        bar: Progress display.
-        study: Folder for intermediate results, so that an interrupted run can continue; None to store nothing.
-        name: Name of the group of drivers, shown in the bar.
+    The `study`, if there is one, stores intermediate results, so that an interrupted run can continue; `name` is that
+    of the group of drivers, shown in the bar.
 
     Raises:
         ValueError: `discover.oracle` names no candidate.
@@ -144,10 +134,10 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     options, comparison, adequacy = config.discover, found.comparison, found.adequacy
     solver, outcome = found.solver, found.outcome
     reported = in_time(solver, outcome, parts.reported)
-    errors = model_errors(solver, parts.reported, {"before": outcome.before}, options.seed)
+    errors = {"before": model_errors(solver, parts.reported, outcome.before, options.seed)}
     variation = predicting_variation(solver, outcome, options.seed)
     if outcome.added or outcome.clocks is not None or variation != CONSTANT_TIME_GAP:
-        errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed, variation)
+        errors["after"] = model_errors(solver, reported, outcome.last, options.seed, variation)
     errors[IDM] = _errors_of_idm(config, found, parts, errors["before"])
     resampling = Resampling(options.confidence, options.draws, options.seed)
     of_effects = covariance(solver, outcome.last.state)
@@ -202,7 +192,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         study=config.study,
     )
     result_tables = {
-        "candidates": pd.DataFrame(tables.candidate_table(verdict)),
+        "candidates": tables.candidate_table(verdict),
         "errors": tables.error_table(errors),
         "drivers": tables.driver_table(solver, outcome),
         NULL_TABLE: tables.null_table(outcome.null),
@@ -223,7 +213,7 @@ def _errors_of_idm(config: DiscoverTask, found: BestSearch, parts: Parts, before
         return before
     solver = solver_of(parts.fitted, IDM_PRIOR)
     fit = base_of(solver, parts.fitted, lane_changes=False).fit
-    return model_errors(solver, parts.reported, {IDM: fit}, config.discover.seed)[IDM]
+    return model_errors(solver, parts.reported, fit, config.discover.seed)
 
 
 def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:
@@ -236,14 +226,8 @@ def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:
 def _effects(
     of_effects: np.ndarray, outcome: Search, adequacy: Adequacy, findings: Sequence[Finding], confidence: float
 ) -> list[Claim]:
-    """Claims: artefacts that the data check found, then clock offsets, then the added effects.
-
-    Args:
-        of_effects: Covariance of the effects' parameters in the final model.
-        outcome: Result of the search.
-        adequacy: Adequacy of the final model.
-        findings: Findings of the data check.
-        confidence: Confidence of the intervals of parameters [-].
+    """Claims: artefacts that the data check found, then clock offsets, then the added effects; `of_effects` is the
+    covariance of the effects' parameters in the final model, `confidence` that of their intervals [-].
     """
     effects = [found_in_columns(finding, confidence) for finding in findings if finding.is_artefact]
     most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence
@@ -274,7 +258,8 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
     (scores_of_terms,) = scores(solver, [base.state])
     fits = refit(solver, base, [candidates[term]], scores_of_terms)
     base, options = rebased(solver, base, fits), config.discover
-    errors = model_errors(solver, parts.reported, {"before": base, "oracle": fits[term]}, options.seed)
+    models = {"before": base, "oracle": fits[term]}
+    errors = {name: model_errors(solver, parts.reported, fit, options.seed) for name, fit in models.items()}
     return {
         "verdict": "named",
         "effects": [],

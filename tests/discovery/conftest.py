@@ -16,7 +16,8 @@ def folder_of(tmp_path_factory):
 
         folder = tmp_path_factory.mktemp("data")
         planted = () if name is None else (Planted(name, strength),)
-        write_dataset(folder, Scenario(11, planted, **({"n_vehicles": 15, "duration": 40.0} | changes)))
+        usual = {"seed": 11, "planted": planted, "n_vehicles": 15, "duration": 40.0}
+        write_dataset(folder, Scenario(**(usual | changes)))
         return folder
 
     return make

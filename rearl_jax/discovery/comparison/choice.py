@@ -59,12 +59,9 @@ def choice_of(
       doubt, because few drivers rarely show for sure that an error is larger.
     - Models that simulations reject are chosen only if they reject all of these.
 
-    Args:
-        gains: Log-likelihood of each driver under each model minus that under the first model, which is that of the
-            key `driver` [nats].
-        errors: For each model, gap errors of the drivers who could be tested [m], by protocol; empty for a model that
-            was not simulated.
-        seed: Seed of the resamples.
+    `gains` are the log-likelihoods of each driver under each model minus that under the first model, which is that of
+    the key `driver` [nats]; `errors` the gap errors of the drivers who could be tested [m], by protocol, empty for a
+    model that was not simulated.
     """
     drawn = np.stack([gain[resamples(len(gain), DRAWS, seed)].sum(axis=1) for gain in gains])
     better = (drawn > drawn[0]).mean(axis=1).tolist()

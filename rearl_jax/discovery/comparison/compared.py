@@ -54,14 +54,6 @@ class ModelPredictions:
     errors: Mapping[str, Mapping[str, Float[np.ndarray, " _"]]] = field(default_factory=dict)
 
 
-def some_of(data: Measured, most: int, seed: int) -> Measured:
-    """A random sample of at most `most` drivers."""
-    if data.n_drivers <= most:
-        return data
-    kept = np.random.default_rng(seed).choice(data.n_drivers, most, replace=False)
-    return data.of_drivers(np.isin(np.arange(data.n_drivers), kept))
-
-
 def compared_models(
     solvers: Sequence[Solver],
     fitted: Measured,
@@ -71,25 +63,18 @@ def compared_models(
     *,
     lane_changes: bool,
 ) -> tuple[list[ModelPredictions], Base]:
-    """Predictions of every model for the check drivers, and the calibrated first model.
-
-    Args:
-        solvers: Solver of each model; the model of the key `driver` is first.
-        fitted: Drivers that the models are calibrated to.
-        checked: Drivers that the models are compared on.
-        seed: Seed of the resamples of drivers.
-        progress: Called with the number of models done and of all models.
-        lane_changes: Whether the calibrated models contain the effects of lane changes.
+    """Predictions of every model for the check drivers, and the calibrated first model, which is that of the key
+    `driver`. Models are calibrated to `fitted` drivers, with the effects of lane changes if `lane_changes`; `progress`
+    is called with the number of models done and of all models.
     """
     progress(0, len(solvers))
     base = base_of(solvers[0], fitted, lane_changes=lane_changes)
     fits, states, log_likelihoods = [], [], []
     for index, solver in enumerate(solvers):
         fit = base.fit if index == 0 else calibrated_alike(solver, fitted, base.fit)
-        (state,) = recalibrated(solver, checked, [fit])
         fits.append(fit)
-        states.append(state)
-        log_likelihoods.append(state.marginal())
+        states.append(recalibrated(solver, checked, fit))
+        log_likelihoods.append(states[-1].marginal())
         progress(index + 1, len(solvers))
     found, gains = [], gains_of(log_likelihoods, checked)
     for index, (solver, fit, state) in enumerate(zip(solvers, fits, states, strict=True)):

@@ -17,7 +17,6 @@ from rearl_jax.discovery.comparison.compared import (
     compared_table,
     gains_of,
     read_compared,
-    some_of,
 )
 from rearl_jax.discovery.observe.base import Base
 from rearl_jax.discovery.observe.drivers import Prior
@@ -43,8 +42,8 @@ class Comparison:
         n_fitted: Number of drivers that the models were calibrated to.
         base: The calibrated model of the key `driver`; None if another model was chosen, or if it was calibrated to a
             sample of the fitted drivers.
-        rivals: Names of the models that are not significantly less likely than the chosen one, the most likely first;
-            without any, the name of the second most likely model.
+        rivals: Priors of the models that are not significantly less likely than the chosen one, the most likely first;
+            without any, that of the second most likely model.
         before: Name of the model that was chosen before effects were found; None if the choice has not changed.
     """
 
@@ -54,7 +53,7 @@ class Comparison:
     choice: Choice
     n_fitted: int
     base: Base | None
-    rivals: tuple[str, ...]
+    rivals: tuple[Prior, ...]
     before: str | None = None
 
     @property
@@ -63,29 +62,21 @@ class Comparison:
         return self.priors[self.choice.chosen]
 
     @property
-    def others(self) -> list[Prior]:
-        """Priors of the rivals."""
-        return [prior for name in self.rivals for prior in self.priors if prior.name == name]
-
-    @property
     def next_best(self) -> list[Prior]:
         """All models that were not chosen, the most likely first."""
         chosen = self.gains[self.choice.chosen]
         others = [index for index in range(len(self.priors)) if index != self.choice.chosen]
         return [self.priors[k] for k in sorted(others, key=lambda k: -float((self.gains[k] - chosen).sum()))]
 
-    def _index(self, prior: Prior) -> int:
-        return [known.name for known in self.priors].index(prior.name)
-
     def denies(self, prior: Prior) -> bool:
         """True if simulations of the check drivers contradict a model as a replacement of the chosen one."""
-        return self.choice.denies(self._index(prior))
+        return self.choice.denies(self.priors.index(prior))
 
     def with_choice(self, prior: Prior) -> "Comparison":
         """The comparison with another choice; the model chosen before becomes the first rival."""
-        others = tuple(name for name in self.rivals if name != prior.name)
-        choice = replace(self.choice, chosen=self._index(prior))
-        return replace(self, choice=choice, base=None, rivals=(self.prior.name, *others), before=self.prior.name)
+        others = (other for other in self.rivals if other != prior)
+        choice = replace(self.choice, chosen=self.priors.index(prior))
+        return replace(self, choice=choice, base=None, rivals=(self.prior, *others), before=self.prior.name)
 
 
 def comparison_of(
@@ -95,17 +86,13 @@ def comparison_of(
     progress: Callable[[int, int], None],
     study: Study | None = None,
 ) -> Comparison:
-    """Comparison of car-following models on the check drivers.
+    """Comparison of car-following models on the check drivers; the model of the key `driver` is the first.
 
-    Args:
-        priors: Priors of the models; the model of the key `driver` is first.
-        parts: The drivers.
-        options: Keys of discovery.
-        progress: Called with the number of models done and of all models.
-        study: Stores the predictions, so that an interrupted run can continue; None to store nothing.
+    The `study`, if there is one, stores the predictions, so that an interrupted run can continue; `progress` is called
+    with the number of models done and of all models.
     """
-    fitted = some_of(parts.fitted, MOST_FITTED, options.seed)
-    checked, base = some_of(parts.checked, MOST_CHECKED, options.seed), None
+    fitted = parts.fitted.sample(MOST_FITTED, options.seed)
+    checked, base = parts.checked.sample(MOST_CHECKED, options.seed), None
     if study is not None and study.owns(BASE_TABLE):  # stored by an interrupted run
         found = read_compared(study.path / f"{BASE_TABLE}.parquet")
     else:
@@ -125,17 +112,13 @@ def comparison_of(
     equal = [
         index for index in others if not is_beaten(gains[index], [gains[index], gains[choice.chosen]], options.seed)
     ]
-    rivals = tuple(found[index].name for index in equal or others[:1])
+    rivals = tuple(priors[index] for index in equal or others[:1])
     return Comparison(priors, found, gains, choice, fitted.n_drivers, base, rivals)
 
 
 def base_block(comparison: Comparison, options: DiscoverConfig, time_gaps: dict[str, Any]) -> dict[str, Any]:
-    """The entry `base` of the verdict.
-
-    Args:
-        comparison: The comparison.
-        options: Keys of discovery.
-        time_gaps: Equilibrium time gaps under the chosen model, as in the verdict.
+    """The entry `base` of the verdict; `time_gaps` are the equilibrium time gaps under the chosen model, as in the
+    verdict.
     """
     resampling, choice = Resampling(options.confidence, options.draws, options.seed), comparison.choice
     rows = []

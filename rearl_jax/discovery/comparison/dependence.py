@@ -50,18 +50,18 @@ class ModelTest:
 def effects_in_other_models(
     solver: Solver, outcome: Search, priors: Sequence[Prior], fitted: Measured
 ) -> list[ModelTest]:
-    """Tests of the effects found in other models; empty if no named effect was found.
-
-    Args:
-        solver: Solver of the chosen model.
-        outcome: Result of the search with the chosen model.
-        priors: Priors of the other models, the most likely first.
-        fitted: The fitted drivers as measured; they determine the knots of curves and the road sections.
+    """Tests of the effects found in other models (`priors`, the most likely first); empty if no named effect was found.
+    The knots of curves and the road sections follow from the fitted drivers as measured.
     """
     if not _named(outcome):
         return []
-    (chosen,) = recalibrated(solver, outcome.checked, [outcome.last])
-    return [_tested_in(solver_of(fitted, prior), prior, outcome, chosen) for prior in priors[:MOST_OTHERS]]
+    chosen = recalibrated(solver, outcome.checked, outcome.last)
+    tests = []
+    for prior in priors[:MOST_OTHERS]:
+        holds, other = _found_again(solver_of(fitted, prior), outcome)
+        gains = bounded_gains(other.marginal() - chosen.marginal(), outcome.checked)
+        tests.append(ModelTest(prior, holds, gains))
+    return tests
 
 
 def dependent_effects(outcome: Search, others: Sequence[ModelTest]) -> dict[Term, tuple[str, ...]]:
@@ -108,11 +108,6 @@ def _named(outcome: Search) -> list[Term]:
     return [trial.candidate.term for trial in outcome.added if trial.candidate.kind in NAMED_KINDS]
 
 
-def _tested_in(solver: Solver, prior: Prior, outcome: Search, chosen: FitState) -> ModelTest:
-    holds, other = _found_again(solver, outcome)
-    return ModelTest(prior, holds, bounded_gains(other.marginal() - chosen.marginal(), outcome.checked))
-
-
 def _found_again(solver: Solver, outcome: Search) -> tuple[dict[Term, bool], FitState]:
     """By added effect, whether it holds in another model that contains the effects before it that hold; and the state
     of the check drivers with all effects that hold.
@@ -124,7 +119,7 @@ def _found_again(solver: Solver, outcome: Search) -> tuple[dict[Term, bool], Fit
         fits = {term: _with_effect(solver, fit, trial)}
         fit = rebased(solver, fit, fits)
         after = nested(solver, fit, fits)[term]
-        without, with_effect = recalibrated(solver, outcome.checked, [fit, after])
+        without, with_effect = (recalibrated(solver, outcome.checked, each) for each in (fit, after))
         holds[term] = trial_of(solver, after, fit.state, with_effect, without, outcome.null.null_mean(term)).holds
         fit, checked = (after, with_effect) if holds[term] else (fit, without)
     assert checked is not None

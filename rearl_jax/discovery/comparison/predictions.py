@@ -82,7 +82,7 @@ def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapV
     variation = variations.best()
     if not variation.start_share:
         return variation
-    (state,) = recalibrated(solver, outcome.checked, [fit])
+    state = recalibrated(solver, outcome.checked, fit)
     before = _gap_errors(solver, state, fit)
     while variation.start_share:
         if is_significantly_better(before, _gap_errors(solver, state, fit, variation), seed):
@@ -93,8 +93,7 @@ def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapV
 
 def _gap_errors_of(solver: Solver, data: Measured, fit: Fit) -> GapErrors:
     """Errors of a model for drivers that it was not fitted to."""
-    (state,) = recalibrated(solver, data, [fit])
-    return _gap_errors(solver, state, fit)
+    return _gap_errors(solver, recalibrated(solver, data, fit), fit)
 
 
 def _gap_errors(
@@ -105,14 +104,10 @@ def _gap_errors(
 
 
 def is_significantly_better(before: GapErrors, after: GapErrors, seed: int) -> bool:
-    """True if the mean gap error is significantly smaller under one predicting protocol and probably smaller under all.
+    """True if the mean gap error of the same drivers is significantly smaller `after` than `before` the additions under
+    one predicting protocol and probably smaller under all.
 
     The share of resamples that is significant is higher the more protocols there are, because any one suffices.
-
-    Args:
-        before: Errors without the additions.
-        after: Errors of the same drivers with them.
-        seed: Seed of the resamples of drivers.
 
     Source: Bonferroni's inequality, Dunn, J. Am. Stat. Assoc. 56 (1961) 52.
     """

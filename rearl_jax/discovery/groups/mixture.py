@@ -86,15 +86,11 @@ class Mixture:
         """
         rng, least = np.random.default_rng(0), 1.0
         for k in range(len(self.share)):
-            drawn = rng.multivariate_normal(self.mean[k], self.covariance[k], DRAWN)
-            least = min(least, float((self._log_density(drawn).argmax(axis=1) == k).mean()))
+            deviation = rng.multivariate_normal(self.mean[k], self.covariance[k], DRAWN)[:, None] - self.mean
+            distance = np.einsum("nki,kij,nkj->nk", deviation, np.linalg.inv(self.covariance), deviation)
+            log_density = np.log(self.share) - 0.5 * distance - 0.5 * np.linalg.slogdet(self.covariance)[1]
+            least = min(least, float((log_density.argmax(axis=1) == k).mean()))
         return least
-
-    def _log_density(self, parameters: Float[np.ndarray, "drawn parameters"]) -> Float[np.ndarray, "drawn groups"]:
-        """Logarithm of each population's share times its density, less a constant [nats]."""
-        deviation = parameters[:, None] - self.mean
-        distance = np.einsum("nki,kij,nkj->nk", deviation, np.linalg.inv(self.covariance), deviation)
-        return np.log(self.share) - 0.5 * distance - 0.5 * np.linalg.slogdet(self.covariance)[1]
 
 
 def one_group(likelihoods: DriverLikelihoods) -> Mixture:

@@ -1,5 +1,5 @@
-"""Candidate influences on lane choice besides the driver's own acceleration: one or more columns per candidate, with a
-row per opportunity. The own gain is the acceleration that a driver gains by changing; side is -1 left, +1 right.
+"""Candidate influences on lane choice besides the own gain: one or more columns per candidate; side is -1 left, +1
+right.
 """
 
 from collections.abc import Callable
@@ -27,11 +27,8 @@ NEAR, PASSED_BY = 80.0, 1.0
 
 @dataclass(frozen=True)
 class Form:
-    """One functional form of a candidate.
-
-    Attributes:
-        column: Addition to the incentive per unit of the effect's strength.
-        shape: Parameters of the effect that are fixed in this form: name, value and unit.
+    """One functional form of a candidate: `column` is the addition to the incentive per unit of the effect's strength,
+    `shape` the name, value and unit of the parameters of the effect that are fixed in this form.
     """
 
     column: Callable[[Opportunities], Column]

@@ -43,42 +43,41 @@ class RankedCandidate:
 
 
 @dataclass(frozen=True)
+class Loss:
+    """Mean log-loss before and after effects were added, and its change with an interval [nats]."""
+
+    before: float
+    after: float
+    change: Estimate
+
+
+@dataclass(frozen=True)
 class LaneChangeFindings:
     """Findings in lane changing.
 
     Attributes:
+        n_changes, n_opportunities: Usable lane changes and opportunities in the data.
+        words: Summary in one line, or the reason why nothing could be tested.
         effects: Claimed effects, in the order in which they were added.
         candidates: All candidates, the largest z-score first.
-        n_changes, n_opportunities: Usable lane changes and opportunities in the data.
-        loss_before, loss_after: Mean log-loss per opportunity of the held-out drivers without and with the effects
-            [nats]; None if there were too few changes.
-        loss_change: Loss after minus loss before, with its interval.
-        words: Summary in one line, or the reason why nothing could be tested.
+        loss: Mean log-loss per opportunity of the held-out drivers without and with the effects [nats]; None if nothing
+            could be tested.
         prediction: Predicted lane changes of the held-out drivers; None if there are too few changes.
     """
 
-    effects: tuple[Claim, ...]
-    candidates: tuple[RankedCandidate, ...]
     n_changes: int
     n_opportunities: int
-    loss_before: float | None
-    loss_after: float | None
-    loss_change: Estimate | None
     words: str
+    effects: tuple[Claim, ...] = ()
+    candidates: tuple[RankedCandidate, ...] = ()
+    loss: Loss | None = None
     prediction: Prediction | None = None
 
     def as_verdict_parts(self) -> dict[str, Any]:
         """Entries for `effects` and `candidates` of verdict.json, and its `lane_choice`."""
-        loss = None
-        if self.loss_change is not None:
-            loss = {"before": self.loss_before, "after": self.loss_after, "change": asdict(self.loss_change)}
+        loss = None if self.loss is None else asdict(self.loss)
         return {
             "effects": [effect.plain() for effect in self.effects],
             "candidates": [candidate.plain() for candidate in self.candidates],
             "lane_choice": {"changes": self.n_changes, "opportunities": self.n_opportunities, "loss": loss},
         }
-
-
-def untested(n_changes: int, n_opportunities: int, words: str) -> LaneChangeFindings:
-    """Findings if nothing could be tested; `words` state the reason."""
-    return LaneChangeFindings((), (), n_changes, n_opportunities, None, None, None, words)

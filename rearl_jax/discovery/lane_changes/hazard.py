@@ -1,5 +1,5 @@
-"""Probability that an opportunity to change lanes is taken: a logit in the acceleration that the driver gains (the own
-gain), and a score test of further columns, each with a row per opportunity.
+"""Probability that an opportunity to change lanes is taken: a logit in the own gain, and a score test of further
+columns.
 
 Source: discrete choice of lanes, Ahmed, thesis, MIT (1999), ch. 3; Toledo, Koutsopoulos & Ben-Akiva, Transp. Res. Rec.
 1857 (2003) 30. Score test: Rao, Proc. Camb. Phil. Soc. 44 (1948) 50; variance by drivers, whose decisions are not
@@ -28,11 +28,8 @@ KNOT_SHARES = (0.25, 0.5, 0.75, 0.9)
 
 @dataclass(frozen=True)
 class Logit:
-    """A fitted logit.
-
-    Attributes:
-        coefficients: Coefficients of the columns [log-odds per unit].
-        covariance: Covariance of the coefficients, by the scatter between drivers.
+    """A fitted logit: coefficients of the columns [log-odds per unit], and their covariance, by the scatter between
+    drivers.
     """
 
     coefficients: Float[np.ndarray, " columns"]

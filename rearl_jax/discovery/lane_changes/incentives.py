@@ -64,9 +64,7 @@ class KnownDrivers:
         """Drivers of calibrated states; no driver may be in two states."""
         vehicles, values = [np.empty(0, np.int64)], [np.empty((0, prior.size))]
         for state in states:
-            of_driver = np.zeros(state.data.n_drivers, np.int64)
-            of_driver[state.data.driver] = state.data.vehicle
-            vehicles.append(of_driver)
+            vehicles.append(state.data.driver_values(state.data.vehicle))
             values.append(prior.values(state.z, state.truck))
         population = prior.values(states[0].mean, np.array([0, 1])) if states else prior.usual
         vehicle = np.concatenate(vehicles)

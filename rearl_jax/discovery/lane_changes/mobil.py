@@ -1,5 +1,4 @@
-"""MOBIL as a choice model: its rule accepts or refuses a change, and accepted and refused changes each have a rate. A
-table has a row per opportunity: a moment, about every half second, at which a driver has room to change to one side.
+"""MOBIL as a choice model: its rule accepts or refuses a change, and accepted and refused changes each have a rate.
 
 If the rule accepts a change, the driver decides every `delay` seconds at an unknown instant, so the probability of a
 change within one opportunity is its period / delay. If the rule refuses a change, drivers still change at a small rate,
@@ -91,11 +90,8 @@ class MobilRule:
 
 @dataclass(frozen=True)
 class CalibratedMobil:
-    """MOBIL calibrated to measured lane changes.
-
-    Attributes:
-        rule: Maximum a posteriori rule.
-        estimates: Parameters of the rule with intervals, by name; the delay has no interval.
+    """MOBIL calibrated to measured lane changes: the maximum a posteriori rule, and its parameters with intervals, by
+    name; the delay has no interval.
     """
 
     rule: MobilRule

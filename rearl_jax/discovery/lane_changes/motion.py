@@ -19,12 +19,9 @@ Source: half of 4 s, the mean duration in Thiemann, Treiber & Kesting, Transp. R
 
 
 def with_motion(table: pd.DataFrame, dt: float) -> pd.DataFrame:
-    """The table with smooth motion, the lane that each vehicle is on or moves to, the time since it began its last lane
-    change, the time until it begins the next one, and its side.
-
-    Args:
-        table: A canonical table, its rows sorted by track and time.
-        dt: Time between the rows of a track [s].
+    """The table, sorted by track and time, with smooth motion, the lane that each vehicle is on or moves to, the time
+    since it began its last lane change, the time until it begins the next one, and its side; `dt` is the time between
+    the rows of a track [s].
     """
     position, bounds = table["position"].to_numpy(), track_bounds(table)
     x, v, a = smoothed_tracks(position, *bounds, dt, cut_off(position_noise(position, *bounds), dt))

@@ -21,7 +21,7 @@ from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, accelerati
 from rearl_jax.discovery.lane_changes.motion import with_motion
 from rearl_jax.discovery.lane_changes.ramps import side_of_ramp, whole_lanes
 from rearl_jax.discovery.read.smoothing import thinned
-from rearl_jax.discovery.read.sorted_lanes import SortedLanes
+from rearl_jax.discovery.read.surroundings import SortedLanes
 
 PERIOD = 0.5
 """Time from one opportunity to the next [s], rounded to whole time steps of the recording."""
@@ -112,11 +112,8 @@ _NAMES = tuple(Opportunities.__dataclass_fields__)
 
 
 def opportunities(recordings: Sequence[Recording], drivers: KnownDrivers) -> tuple[Opportunities, str]:
-    """All opportunities of the recordings, and the reason why there are none, or "".
-
-    Args:
-        recordings: Canonical recordings.
-        drivers: Calibrated parameters, by the numbers that `measure` gives to the vehicles of these recordings.
+    """All opportunities of the recordings, and the reason why there are none, or "". The vehicles of `drivers` have the
+    numbers that `measure` gives to those of these recordings.
     """
     parts, reasons, first_vehicle = [], [], 0
     for index, recording in enumerate(recordings):

@@ -1,7 +1,5 @@
-"""Lane-change probabilities of several models at every opportunity of held-out drivers, whom no model is fitted to.
-
-An opportunity is a moment, about every half second, at which a driver has room to change to one side. The hazard is a
-probability that depends on the acceleration gained and on the effects found (`strengths.IncentiveModel`).
+"""Lane-change probabilities of several models at every opportunity of held-out drivers. The hazard is the probability
+that depends on the own gain and on the effects found (`strengths.IncentiveModel`).
 """
 
 from dataclasses import dataclass
@@ -71,20 +69,15 @@ class Prediction:
     n_recorded: int
     n_ramp: int
 
-    @property
-    def advantage(self) -> Float[np.ndarray, " rows"]:
-        """Speed of the leader on the target lane minus that of the own leader [m/s]."""
-        return self.table.side_leader_speed - self.table.leader_speed
-
     def strata(self) -> dict[str, Bool[np.ndarray, " rows"]]:
         """Opportunities by side and by urgency.
 
         Urgency is estimated from the recordings. For discretionary changes it is the speed advantage of the target
-        lane, with which their rate grows (Laval & Daganzo, Transp. Res. B 40 (2006) 251). Changes towards a ramp lane
-        that the driver reaches later are mandatory. Destinations beyond the recording are unknown, so mandatory changes
-        of drivers who leave the road later count as discretionary.
+        lane, its leader's speed less that of the own leader, with which their rate grows (Laval & Daganzo, Transp. Res.
+        B 40 (2006) 251). Changes towards a ramp lane that the driver reaches later are mandatory. Destinations beyond
+        the recording are unknown, so mandatory changes of drivers who leave the road later count as discretionary.
         """
-        forced, advantage = self.table.is_mandatory, self.advantage
+        forced, advantage = self.table.is_mandatory, self.table.side_leader_speed - self.table.leader_speed
         return {
             "left": self.table.side < 0,
             "right": self.table.side > 0,
@@ -118,12 +111,8 @@ def prediction(
 ) -> Prediction | None:
     """Predictions for the third part of the drivers; None if the fitted or the held-out drivers have too few changes.
 
-    Args:
-        table: All opportunities.
-        part: Part of each opportunity's driver, 0 to 2; drivers of parts 0 and 1 are fitted.
-        hazard: Probability of a change under the calibrated hazard [-].
-        confidence: Confidence of the intervals of MOBIL's parameters.
-        n_recorded, n_ramp: As in `Prediction`.
+    `part` is the part of each opportunity's driver, 0 to 2; drivers of parts 0 and 1 are fitted. `hazard` is the
+    probability of a change under the calibrated hazard [-], `confidence` that of the intervals of MOBIL's parameters.
     """
     fitted, held_out = table.take(part < 2), table.take(part == 2)
     if min(fitted.changes.sum(), held_out.changes.sum()) < LEAST_IN_PART:

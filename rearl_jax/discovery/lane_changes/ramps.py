@@ -32,12 +32,8 @@ def side_of_ramp(
     lane: Int[np.ndarray, " rows"],
     whole: Lanes,
 ) -> Int[np.ndarray, " rows"]:
-    """Side of the next ramp lane that the vehicle reaches later: -1 left, +1 right, 0 for none.
-
-    Args:
-        vehicle: Vehicle of each row; rows of one vehicle are consecutive in time.
-        direction, lane: Driving direction and lane of each row.
-        whole: Through lanes.
+    """Side of the next ramp lane that the vehicle of each row reaches later: -1 left, +1 right, 0 for none. Rows of one
+    vehicle are consecutive in time; `whole` are the through lanes.
     """
     n, row = len(vehicle), np.arange(len(vehicle))
     on_ramp = ~_on_through_lane(direction, lane, whole)

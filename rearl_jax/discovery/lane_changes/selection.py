@@ -1,8 +1,7 @@
 """Selection of lane-choice effects: effects are added as long as other drivers confirm them.
 
 Drivers are divided into three parts: 0 fitted drivers and 1 check drivers, to whom models are fitted and on whom they
-are checked in turn, and 2 report drivers, whose losses are stated. An opportunity is a moment, twice a second, at which
-a driver has room to change to one side; its own gain is the acceleration gained by changing.
+are checked in turn, and 2 report drivers, whose losses are stated.
 """
 
 from collections.abc import Sequence
@@ -15,7 +14,7 @@ from scipy.stats import norm
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.claims import Claim, Estimate, share_of
 from rearl_jax.discovery.lane_changes.candidates import CANDIDATES, LaneCandidate
-from rearl_jax.discovery.lane_changes.findings import LaneChangeFindings, RankedCandidate, untested
+from rearl_jax.discovery.lane_changes.findings import LaneChangeFindings, Loss, RankedCandidate
 from rearl_jax.discovery.lane_changes.hazard import fit
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
 from rearl_jax.discovery.lane_changes.motion import count_changes
@@ -41,7 +40,7 @@ def too_few_changes(recordings: Sequence[Recording]) -> LaneChangeFindings | Non
     This reads one column only, so callers test it before they calibrate drivers.
     """
     n_changes = _recorded(recordings)
-    return untested(n_changes, 0, _too_few(n_changes)) if n_changes < LEAST_CHANGES else None
+    return LaneChangeFindings(n_changes, 0, _too_few(n_changes)) if n_changes < LEAST_CHANGES else None
 
 
 def lane_change_findings(
@@ -67,16 +66,16 @@ def lane_change_findings(
     n_recorded, n_changes = _recorded(recordings), int(table.changes.sum())
     if not n_changes:
         words = f"{UNSEEN}: {reason}" if reason else f"{UNSEEN}, no lane change by choice, {_NEEDED}"
-        return untested(n_changes, len(table.side), words)
+        return LaneChangeFindings(n_changes, len(table.side), words)
     part = part_of_rows(table, split, seed)
     if not table.changes[part == 0].any():
-        return untested(n_changes, len(table.side), f"{UNSEEN}, {_too_few_in_part(0)}")
+        return LaneChangeFindings(n_changes, len(table.side), f"{UNSEEN}, {_too_few_in_part(0)}")
     columns = CandidateColumns(table, part, seed)
     reason = why_nothing_is_named(columns, n_recorded)
     findings, added = (None, []) if reason else _named(columns, confidence)
     hazard = columns.fitted(columns.effects(added), 0, 1).chance(columns.data, columns.effects(added))
     predicted = prediction(table, part, hazard, confidence, n_recorded, count_ramp_changes(recordings))
-    return replace(findings or untested(n_changes, len(table.side), reason), prediction=predicted)
+    return replace(findings or LaneChangeFindings(n_changes, len(table.side), reason), prediction=predicted)
 
 
 def _recorded(recordings: Sequence[Recording]) -> int:
@@ -111,19 +110,16 @@ def why_nothing_is_named(columns: CandidateColumns, n_recorded: int) -> str:
 def _named(columns: CandidateColumns, confidence: float) -> tuple[LaneChangeFindings, list[Trial]]:
     """Findings, and the trials that were added."""
     added, rounds = _selected(columns)
-    before, after, change = _loss(columns, added, confidence)
     names = ", ".join(trial.candidate.name.replace("_", " ") for trial in added)
     names = names or "only the own acceleration counts"
     n_changes = int(columns.data.taken.sum())
     findings = LaneChangeFindings(
+        n_changes,
+        len(columns.part),
+        words=f"lane choice, {n_changes} changes: {names}",
         effects=_effects(columns, added, rounds, confidence),
         candidates=_ranked(columns, added, rounds),
-        n_changes=n_changes,
-        n_opportunities=len(columns.part),
-        loss_before=before,
-        loss_after=after,
-        loss_change=change,
-        words=f"lane choice, {n_changes} changes: {names}",
+        loss=_loss(columns, added, confidence),
     )
     return findings, added
 
@@ -133,13 +129,9 @@ def part_of_rows(
 ) -> Int[np.ndarray, " rows"]:
     """Part of each opportunity, 0 to 2; no driver is in two parts.
 
-    Drivers outside the split (those who do not follow a leader long enough) join the part that contains their whole
-    recording, or else a random part.
-
-    Args:
-        table: The opportunities.
-        split: Numbers of the vehicles of each part, as in `Measured.vehicle`; None if there is no split yet.
-        seed: Seed of the random assignment.
+    `split` are the numbers of the vehicles of each part, as in `Measured.vehicle`; None if there is no split yet.
+    Drivers outside it (those who do not follow a leader long enough) join the part that contains their whole recording,
+    or else a random part.
     """
     recordings = np.unique(table.recording)
     home = {}
@@ -233,7 +225,7 @@ def _ranked(
     return tuple(sorted(rows, key=lambda ranked: -ranked.z_score))
 
 
-def _loss(columns: CandidateColumns, added: Sequence[Trial], confidence: float) -> tuple[float, float, Estimate]:
+def _loss(columns: CandidateColumns, added: Sequence[Trial], confidence: float) -> Loss:
     """Mean log-loss per opportunity of the report drivers without and with the added effects, and its change [nats]."""
     reported, losses = columns.rows(2), []
     for effects in (columns.effects(()), columns.effects(added)):
@@ -242,4 +234,4 @@ def _loss(columns: CandidateColumns, added: Sequence[Trial], confidence: float) 
     drawn = columns.resampled(change, 2) / columns.resampled(np.ones(len(change)), 2)
     low, high = bounds(drawn, confidence).tolist()
     before, after = (float(loss[reported].mean()) for loss in losses)
-    return before, after, Estimate(float(change[reported].mean()), low, high, "nats")
+    return Loss(before, after, Estimate(float(change[reported].mean()), low, high, "nats"))

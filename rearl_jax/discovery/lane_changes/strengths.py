@@ -1,6 +1,5 @@
 """Lane-choice effects as part of the incentive of a change [m/s^2]: they act through the same log-odds curve as the own
-gain, the acceleration that a driver gains by changing. Each row is an opportunity: a moment at which a driver has room
-to change to one side.
+gain.
 """
 
 from dataclasses import dataclass
@@ -89,12 +88,8 @@ def fit_incentive(
     data: Choices, effects: Float[np.ndarray, "rows effects"], bends: Float[np.ndarray, " knots"]
 ) -> IncentiveModel:
     """Model with maximum-likelihood strengths, by iteration: each step linearises the curve, which gives a logit with
-    the effects times the curve's slope as further columns.
-
-    Args:
-        data: The opportunities.
-        effects: Columns of the effects [m/s^2 per unit of strength].
-        bends: Incentives at which the slope may change [m/s^2].
+    the effects times the curve's slope as further columns. `effects` are columns in m/s^2 per unit of strength, `bends`
+    the incentives at which the slope may change [m/s^2].
     """
     n = effects.shape[1]
     spread = np.maximum(effects.std(axis=0), 1e-6)

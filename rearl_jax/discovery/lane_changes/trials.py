@@ -1,8 +1,7 @@
 """Trials of lane-choice candidates in addition to the effects already added.
 
 Drivers are divided into parts 0, 1 and 2. Models fitted to part 0 are checked on part 1 and vice versa. Changes are
-rare, so both parts together decide whether a candidate exceeds chance; part 2 is not used. Each row is an opportunity:
-a moment, twice a second, at which a driver has room to change to one side.
+rare, so both parts together decide whether a candidate exceeds chance; part 2 is not used.
 """
 
 from collections.abc import Sequence
@@ -16,6 +15,7 @@ from rearl_jax.discovery.lane_changes.candidates import CANDIDATES, Form, LaneCa
 from rearl_jax.discovery.lane_changes.hazard import knots, score_test
 from rearl_jax.discovery.lane_changes.opportunities import Opportunities
 from rearl_jax.discovery.lane_changes.strengths import Choices, IncentiveModel, fit_incentive
+from rearl_jax.discovery.resampling import resamples
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 RESAMPLES = 1000
@@ -114,8 +114,7 @@ class CandidateColumns:
         """Sums of the values over all opportunities of the drivers in each resample of the given parts' drivers."""
         rows = self.rows(*parts)
         sums = np.bincount(np.unique(self.data.driver[rows], return_inverse=True)[1], values[rows])
-        rng = np.random.default_rng(self.seed)
-        return np.array([sums[rng.integers(0, len(sums), len(sums))].sum() for _ in range(RESAMPLES)])
+        return sums[resamples(len(sums), RESAMPLES, self.seed)].sum(axis=1)
 
 
 def trials_of(columns: CandidateColumns, added: Sequence[Trial]) -> list[Trial]:

@@ -116,7 +116,6 @@ LANE_CHANGES = (EARLY_LEADER, Term("relaxation"))
 LENS = Term("lens")
 """Distortion of positions by the camera."""
 
-
 NAMED_KINDS = frozenset({"driver", "road"})
 """Kinds of candidates that are named effects of traffic; the others are free curves and artefacts of the recording."""
 
@@ -228,12 +227,8 @@ class Layout:
 
 
 def effects_at(numbers: Numbers, knots: Knots, active: Sequence[Term] | None = None) -> tuple[Effect, ...]:
-    """Effects and curves with these parameter values.
-
-    Args:
-        numbers: Elements of theta as of `Layout.by_name`.
-        knots: Knots of the curves.
-        active: Terms that are built; None for all terms, including those that only the screen uses.
+    """Effects and curves with the elements of theta as of `Layout.by_name`: those of the active terms, or of all terms
+    if these are None, including those that only the screen uses.
     """
 
     def named(name: str) -> Effect:

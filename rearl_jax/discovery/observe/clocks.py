@@ -47,11 +47,8 @@ def following(data: Measured) -> Float[np.ndarray, "leaders steps pieces"]:
 
 @dataclass(frozen=True)
 class ShiftEstimate:
-    """Estimated time shifts of leaders.
-
-    Attributes:
-        values: Shifts by group [s]; the groups are those of the model of shifts (`Shifts`).
-        cost: Complexity penalty of the shifts: prior and Occam factor [nats].
+    """Estimated time shifts of leaders by group [s], the groups being those of the model of shifts (`Shifts`), and
+    their complexity penalty: prior and Occam factor [nats].
     """
 
     values: Float[np.ndarray, "groups numbers"]
@@ -76,11 +73,8 @@ class Shifts(ABC):
     def normal_equations(
         self, score: Float[np.ndarray, "drivers leaders"], information: Float[np.ndarray, "drivers leaders leaders"]
     ) -> tuple[Float[np.ndarray, "groups numbers"], Float[np.ndarray, "groups numbers numbers"]]:
-        """Right-hand side and matrix of the normal equations for the shifts: their score and information.
-
-        Args:
-            score: Score of each driver with respect to the time by which each main leader's clock is ahead of its own.
-            information: Information matrix with respect to the same times.
+        """Right-hand side and matrix of the normal equations for the shifts: their score and information, from those of
+        each driver with respect to the times by which the clocks of its main leaders are ahead of its own.
         """
 
     @abstractmethod
@@ -134,8 +128,7 @@ class Clocks(Shifts):
 
     def __init__(self, data: Measured) -> None:
         leaders = main_leaders(data)
-        vehicle_of = np.zeros(data.n_drivers, int)
-        vehicle_of[data.driver] = data.vehicle
+        vehicle_of = data.driver_values(data.vehicle)
         self.data, self.vehicle = data, np.unique(np.concatenate([vehicle_of, leaders[leaders >= 0]]))
         self.values = np.zeros((1, len(self.vehicle)))
         # Derivative of the time by which each main leader's clock is ahead of the driver's, by each vehicle's offset.

@@ -1,6 +1,5 @@
 """A fitted model, and its application to other drivers."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,26 +29,23 @@ class Fit:
     noise: Noise
 
 
-def recalibrated(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[FitState]:
-    """The drivers of `data` under models fitted to other drivers: own parameters are calibrated, all else is kept.
+def recalibrated(solver: Solver, data: Measured, fit: Fit) -> FitState:
+    """The drivers of `data` under a model fitted to other drivers: own parameters are calibrated, all else is kept.
 
     All models have the same number of free parameters on these drivers, so their likelihoods are comparable.
     """
-    states = []
-    for fit in fits:
-        state = new_state(data, solver.layout, fit.noise)
-        state.mean, state.theta, state.active = fit.state.mean.copy(), fit.state.theta.copy(), fit.state.active
-        state.z, state.spread = state.mean[state.truck], fit.state.spread
-        state.variance = fit.state.variance
-        state.holds_population = state.holds_variance = state.holds_theta = True
-        solver.solve([state], iterations=15, tolerance=0.1)
-        states.append(state)
-    return states
+    state = new_state(data, solver.layout, fit.noise)
+    state.mean, state.theta, state.active = fit.state.mean.copy(), fit.state.theta.copy(), fit.state.active
+    state.z, state.spread = state.mean[state.truck], fit.state.spread
+    state.variance = fit.state.variance
+    state.holds_population = state.holds_variance = state.holds_theta = True
+    solver.solve([state], iterations=15, tolerance=0.1)
+    return state
 
 
 def known_drivers(solver: Solver, split: Split, fit: Fit) -> FitState:
     """The test drives of a split, with each driver's parameters and noise level from its training drives."""
-    (trained,) = recalibrated(solver, split.training, [fit])
+    trained = recalibrated(solver, split.training, fit)
     return replaced(trained, data=split.test, pieces=pieces_of(split.test, fit.noise), sums=trained.sums)
 
 

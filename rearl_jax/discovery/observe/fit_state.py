@@ -68,9 +68,7 @@ class FitState:
     @property
     def truck(self) -> Int[np.ndarray, " drivers"]:
         """Class of each driver: 0 car, 1 truck."""
-        truck = np.zeros(self.data.n_drivers, int)
-        truck[self.data.driver] = self.data.is_truck
-        return truck
+        return self.data.driver_values(self.data.is_truck).astype(int)
 
     @property
     def away(self) -> Float[np.ndarray, "drivers own"]:

@@ -111,12 +111,7 @@ class Noise:
     near_changes: float = 0.0
 
     def gain(self, dt: float, stride: int = 1) -> Gain:
-        """Gain in the steady state.
-
-        Args:
-            dt: Time of a step [s].
-            stride: Steps from one correction to the next.
-        """
+        """Gain in the steady state, with time steps `dt` [s] and `stride` steps from one correction to the next."""
         return steady_state(self, dt, stride).gain
 
 
@@ -171,17 +166,14 @@ def steady_state(noise: Noise, dt: float, stride: int) -> SteadyState:
 def _steady_covariance(
     step: Float[np.ndarray, "n n"], shock: Float[np.ndarray, "n n"], white_variance: float
 ) -> Float[np.ndarray, "n n"]:
-    """Covariance of the prediction error before each correction, once it no longer changes.
+    """Covariance of the prediction error before each correction, once it no longer changes. From one correction to the
+    next, `step` is the transition matrix and `shock` the covariance of the added noise; `white_variance` is that of the
+    white error of a measured position [m^2].
 
     Every iteration doubles the number of recursions of the covariance. `scipy.linalg.solve_discrete_are` solves the
     same equation, but fails where nearly all noise is that of drivers or that of measurements.
 
     Source: Chu, Fan, Lin & Wang, Int. J. Control 77 (2004) 767.
-
-    Args:
-        step: Transition matrix from one correction to the next.
-        shock: Covariance of the noise that is added meanwhile.
-        white_variance: Variance of the white error of a measured position [m^2].
     """
     transposed, information, covariance = step.T, np.outer(MEASURED, MEASURED) / white_variance, shock
     for _ in range(DOUBLINGS):

@@ -5,7 +5,6 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.core.effects.dependence import VARIABLES, hat_weights
-from rearl_jax.core.effects.effect import Parameter
 from rearl_jax.discovery.observe.candidates import (
     ALONG_ROAD,
     CANDIDATE_EFFECTS,
@@ -44,17 +43,13 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
     for name in PLACED:
         builder.parameters(name)
     # Prior standard deviations: of curves of the acceleration in m/s^2, of curves of log v0 and log T without unit.
-    builder.curve("position", POSITION_KNOTS, 0.3)
-    builder.curve("desired_speed", POSITION_KNOTS, 0.25)
-    builder.curve("weather_speed", TIME_KNOTS, 0.2)
-    builder.curve("weather_time_gap", TIME_KNOTS, 0.2)
-    places = builder.places
-    builder.candidate(Term("grade"), "road", places["position"], builder.all_of("grade"), ("position",))
-    all_of_limit = builder.all_of("speed_limit")
-    builder.candidate(Term("speed_limit"), "road", places["desired_speed"], all_of_limit, ("position",))
-    weather = places["weather_speed"] + places["weather_time_gap"]
-    builder.candidate(Term("weather"), "road", weather, builder.all_of("weather"), ("time",))
-    builder.candidate(ALONG_ROAD, "generic", places["position"], places["position"], ("position",))
+    along_road = builder.curve("position", POSITION_KNOTS, 0.3)
+    of_limit = builder.curve("desired_speed", POSITION_KNOTS, 0.25)
+    of_weather = builder.curve("weather_speed", TIME_KNOTS, 0.2) + builder.curve("weather_time_gap", TIME_KNOTS, 0.2)
+    builder.candidate(Term("grade"), "road", along_road, builder.all_of("grade"), ("position",))
+    builder.candidate(Term("speed_limit"), "road", of_limit, builder.all_of("speed_limit"), ("position",))
+    builder.candidate(Term("weather"), "road", of_weather, builder.all_of("weather"), ("time",))
+    builder.candidate(ALONG_ROAD, "generic", along_road, along_road, ("position",))
     knots, centres = {}, {}
     for variable in CURVES:
         values = curve_values(data, variable)[used]
@@ -65,16 +60,14 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
             continue  # the data show no influence of a variable that is constant
         knots[variable] = np.linspace(low, high, CURVE_KNOTS)
         centres[variable] = _mean_weights(values, knots[variable])
-        builder.curve(f"curve.{variable}", CURVE_KNOTS, 0.3)
-        of_curve = places[f"curve.{variable}"]
+        of_curve = builder.curve(f"curve.{variable}", CURVE_KNOTS, 0.3)
         builder.candidate(Term("dependence", variable), "generic", of_curve, of_curve, (variable,))
         if variable in TIME_GAP_CURVES:
-            builder.curve(f"time_gap.{variable}", CURVE_KNOTS, 0.3)
-            of_curve = places[f"time_gap.{variable}"]
+            of_curve = builder.curve(f"time_gap.{variable}", CURVE_KNOTS, 0.3)
             builder.candidate(Term("time_gap_dependence", variable), "generic", of_curve, of_curve, (variable,))
-    builder.curve("lens", LENS_KNOTS, 2.0)  # [m]
+    of_lens = builder.curve("lens", LENS_KNOTS, 2.0)  # [m]
     if data.fused_errors is None:  # else every vehicle measures its own position, and no camera can distort it
-        builder.candidate(LENS, "artefact", places["lens"], places["lens"], ("position",))
+        builder.candidate(LENS, "artefact", of_lens, of_lens, ("position",))
     low, high, off, scale, unit = (np.array(column) for column in zip(*builder.rows, strict=True))
     return Layout(
         candidates=builder.candidates,
@@ -83,7 +76,7 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
         high=high,
         scale=scale,
         unit=unit,
-        places=places,
+        places=builder.places,
         knots=Knots(
             position=position_knots,
             position_centre=_mean_weights(positions, position_knots),
@@ -122,37 +115,35 @@ class _Builder:
         """Adds the parameters of an effect."""
         for parameter in CANDIDATE_EFFECTS[name].parameters:
             self.places[f"{name}.{parameter.name}"] = (len(self.rows),)
-            unit = _STEPS.get(parameter.unit, parameter.scale) if parameter.name in _UNKNOWN else parameter.scale
-            self.rows.append((parameter.low, parameter.high, parameter.off, _prior(parameter), unit))
+            prior, step = parameter.scale, parameter.scale
+            if parameter.name in _UNKNOWN:
+                prior, step = FLAT, _STEPS.get(parameter.unit, parameter.scale)
+            self.rows.append((parameter.low, parameter.high, parameter.off, prior, step))
 
     def effect(self, name: str) -> None:
         """Adds an effect whose strengths are the screen's directions."""
         self.parameters(name)
-        strengths = (each.name for each in CANDIDATE_EFFECTS[name].parameters if each.is_strength)
-        directions = tuple(self.places[f"{name}.{strength}"][0] for strength in strengths)
-        self.candidate(
-            Term(name), CANDIDATE_EFFECTS[name].kind, directions, self.all_of(name), CANDIDATE_EFFECTS[name].depends_on
-        )
+        effect, free = CANDIDATE_EFFECTS[name], self.all_of(name)
+        directions = tuple(place for each, place in zip(effect.parameters, free, strict=True) if each.is_strength)
+        self.candidate(Term(name), effect.kind, directions, free, effect.depends_on)
 
     def all_of(self, name: str) -> tuple[int, ...]:
         """Indices of all parameters of an effect."""
         return tuple(self.places[f"{name}.{parameter.name}"][0] for parameter in CANDIDATE_EFFECTS[name].parameters)
 
-    def curve(self, name: str, n_knots: int, scale: float) -> None:
-        """Adds the values of a curve; `scale` is their prior standard deviation and the step length of the search."""
+    def curve(self, name: str, n_knots: int, scale: float) -> tuple[int, ...]:
+        """Adds the values of a curve, and returns their indices; `scale` is their prior standard deviation and the step
+        length of the search.
+        """
         self.places[name] = tuple(range(len(self.rows), len(self.rows) + n_knots))
         self.rows += [(-20.0, 20.0, 0.0, scale, scale)] * n_knots
+        return self.places[name]
 
     def candidate(
         self, term: Term, kind: str, directions: tuple[int, ...], free: tuple[int, ...], variables: tuple[str, ...]
     ) -> None:
         """Adds a candidate."""
         self.candidates[term] = Candidate(term, kind, directions, free, variables)
-
-
-def _prior(parameter: Parameter) -> float:
-    """Prior standard deviation of a parameter."""
-    return FLAT if parameter.name in _UNKNOWN else parameter.scale
 
 
 _UNKNOWN = ("start", "end", "onset", "limit", "lateral_acceleration")

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.observe.autocorrelation import autocorrelation
 from rearl_jax.discovery.observe.fit_state import FitState, new_state, replaced, with_noise
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import far_from_changes, relative_variance, squared_leader_acceleration
+from rearl_jax.discovery.observe.residuals import autocorrelation
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.starts import from_best_start
 from rearl_jax.discovery.read.measured import Measured
@@ -120,14 +120,11 @@ def under_best_noise(
     iterations: int = 20,
 ) -> tuple[FitState, Noise]:
     """The state solved again under the noise that is most likely at its present parameters, and that noise; under the
-    given noise, if it is one of the levels and more likely at its own parameters than the new one at the new ones.
+    given noise, from which the search begins, if it is one of the levels and more likely at its own parameters than the
+    new one at the new ones.
 
-    Args:
-        solver: Solver of the car-following model.
-        state: A solved state.
-        noise: Noise from which the search begins.
-        levels: Tested standard deviations of the acceleration residual, ascending [m/s^2].
-        iterations: As in `Solver.solve`.
+    `levels` are the tested standard deviations of the acceleration residual, ascending [m/s^2]; `iterations` as in
+    `Solver.solve`.
     """
     found = _climbed(solver, state, noise, {"acceleration": levels, "time": TIMES})
     noises = [found] if found == noise or noise.acceleration not in levels else [noise, found]
@@ -138,13 +135,8 @@ def under_best_noise(
 
 def _climbed(solver: Solver, state: FitState, noise: Noise, levels: Mapping[str, Sequence[float]]) -> Noise:
     """The most likely noise, by steps on a grid from a given noise to the most likely neighbour, until no neighbour is
-    more likely. The likelihood has one maximum, so most of the grid need not be computed.
-
-    Args:
-        solver: Solver of the car-following model.
-        state: A solved state.
-        noise: Noise from which the search begins.
-        levels: Tested values of two fields of the noise, by field.
+    more likely; `levels` are the tested values of two fields of the noise. The likelihood has one maximum, so most of
+    the grid need not be computed.
     """
     (first, rows), (second, columns) = ((name, sorted({*values})) for name, values in levels.items())
     columns = sorted({*columns, getattr(noise, second)})
@@ -192,12 +184,6 @@ def _most_likely(solver: Solver, states: Sequence[FitState], noises: Sequence[No
     ]
     best = int(np.argmax(log_likelihoods))
     return states[best], noises[best]
-
-
-def is_exact(solver: Solver, data: Measured) -> bool:
-    """True if the drives follow the model without noise, as only simulated drives do."""
-    _, noise = calibrate(solver, data)
-    return noise.acceleration <= NOISELESS
 
 
 def noise_levels(noise: Noise, accelerations: Sequence[float]) -> list[Noise]:

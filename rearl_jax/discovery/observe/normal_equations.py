@@ -56,12 +56,8 @@ class Programs:
     """
 
     def __init__(self, layout: Layout, dt: float, n_pieces: int) -> None:
-        """Prepares the programs; nothing is compiled before the first call.
-
-        Args:
-            layout: Layout of theta.
-            dt: Time step [s].
-            n_pieces: Typical number of pieces that a call evaluates, from which the size of a batch follows.
+        """Prepares the programs for time steps `dt` [s]; nothing is compiled before the first call. `n_pieces` is the
+        typical number of pieces that a call evaluates, from which the size of a batch follows.
         """
         if len(_SHAPES) > MOST_SHAPES:
             _MADE.clear()
@@ -86,7 +82,8 @@ class Programs:
 
     def sums(self, active: tuple[Term, ...]) -> Program:
         """Sums with the derivatives by the drivers' own parameters and by those of the active candidates."""
-        if not any(_remembers(term) for term in active):
+        effects = [CANDIDATE_EFFECTS[term.effect] for term in active if term.is_effect]
+        if all(effect.remember is Effect.remember for effect in effects):  # none has memory
             return self._sums_from_one_pass(active)
         places = jnp.asarray(self.free(active), int)
 
@@ -180,11 +177,6 @@ def batch_for(n_pieces: int) -> int:
     """
     wanted = n_pieces / len(jax.local_devices())
     return next((size for size in BATCHES if wanted <= size), BATCHES[-1])
-
-
-def _remembers(term: Term) -> bool:
-    """True if a term is an effect with memory."""
-    return term.is_effect and CANDIDATE_EFFECTS[term.effect].remember is not Effect.remember
 
 
 def _squeezed(knots: Knots) -> Knots:

@@ -12,7 +12,7 @@ from rearl_jax.data.checks.labels import track_labels
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
-from rearl_jax.discovery.observe.noise import is_exact
+from rearl_jax.discovery.observe.noise import NOISELESS, calibrate
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.gate import Finding, amount, gate, smoothed_positions
 from rearl_jax.discovery.read.measured import Measured
@@ -57,13 +57,8 @@ def measured_drivers(
     recordings: Sequence[Recording], options: DiscoverConfig, prior: Prior = IDM_PRIOR, same: str | None = None
 ) -> tuple[list[Finding], Measured]:
     """Findings in the columns, and drivers who follow a leader long enough: a random sample of at most `max_drivers`
-    per group.
-
-    Args:
-        recordings: The recordings.
-        options: Keys of discovery.
-        prior: Prior distribution of drivers' parameters.
-        same: Label by which the data format identifies the same driver or car, used if `options.same` names no label.
+    per group. `same` is the label by which the data format identifies the same driver or car, used if `options.same`
+    names no label.
 
     Raises:
         ValueError: The frame rates differ, a label is unknown, or no driver follows a leader long enough.
@@ -123,18 +118,11 @@ def named_labels(options: DiscoverConfig) -> dict[str, str]:
 def _chosen(data: Measured, options: DiscoverConfig) -> Measured:
     """A random sample of at most `max_drivers` drivers of each group."""
     by = named_labels(options).get("by")
-    groups = np.zeros(data.n_drivers, int) if by is None else pd.factorize(data.label(by))[0]
-    rng = np.random.default_rng(options.seed)
-    is_kept = np.zeros(data.n_drivers, bool)
-    for group in np.unique(groups):
-        members = np.flatnonzero(groups == group)
-        if len(members) > options.max_drivers:
-            members = members[rng.choice(len(members), options.max_drivers, replace=False)]
-        is_kept[members] = True
-    return data if is_kept.all() else data.of_drivers(is_kept)
+    return data.sample(options.max_drivers, options.seed, None if by is None else pd.factorize(data.label(by))[0])
 
 
 def _are_exact(data: Measured, prior: Prior) -> bool:
-    """True if a sample of the drivers follows the model without noise."""
+    """True if a sample of the drivers follows the model without noise, as only simulated drives do."""
     sample = data.select(np.flatnonzero(data.driver < ENOUGH))
-    return is_exact(solver_of(sample, prior), sample)
+    _, noise = calibrate(solver_of(sample, prior), sample)
+    return noise.acceleration <= NOISELESS

@@ -38,12 +38,8 @@ def own_projection(
     gradient: Float[np.ndarray, "drivers own_and_directions"],
     information: Float[np.ndarray, "drivers own own_and_directions"],
 ) -> OwnProjection:
-    """The projection in a solved state.
-
-    Args:
-        state: The state.
-        gradient: Gradient of half the squared innovations over their variance, by own parameters and directions.
-        information: Information on own parameters, and that shared with the directions.
+    """The projection in a solved state. `gradient` is that of half the squared innovations over their variance,
+    `information` that on own parameters, and that shared with the directions.
     """
     n_own = state.z.shape[1]
     block, coupling = with_prior(information[:, :, :n_own], state.precision), information[:, :, n_own:]
@@ -74,13 +70,7 @@ class MeanProjection:
 
 
 def mean_projections(state: FitState, prior: Prior, own: OwnProjection) -> Iterator[MeanProjection]:
-    """Projections of the means that are searched in a state, class by class.
-
-    Args:
-        state: A solved state.
-        prior: Prior of the drivers' parameters, with that of their means.
-        own: Projection of the drivers' own parameters.
-    """
+    """Projections of the means that are searched in a solved state, class by class; `prior` contains theirs."""
     if state.holds_population:
         return
     precision, away, located = state.precision, state.away @ state.precision, prior.location_precision

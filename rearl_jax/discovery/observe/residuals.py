@@ -13,7 +13,7 @@ is missing. Dependences are therefore estimated from the innovations (`forcing`)
 Source: fixed-interval smoother by backward recursion of the innovations, de Jong, Ann. Stat. 17 (1989) 1073.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -21,11 +21,9 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.core.effects.stimulus import Stimulus
-from rearl_jax.discovery.observe.autocorrelation import autocorrelation
 from rearl_jax.discovery.observe.candidates import LENS, lens_at
 from rearl_jax.discovery.observe.closed_loop import FARTHEST
 from rearl_jax.discovery.observe.drivers import Prior
-from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, MEASURED, Gain, Noise, State, correct, predict, steady_state
 from rearl_jax.discovery.observe.observer import stimulus, straightened
@@ -75,17 +73,11 @@ class Residuals:
         return np.arange(1, len(correlations) + 1) * data.stride * data.dt, correlations
 
 
-def residuals_of(solver: Solver, states: Sequence[FitState], fits: Sequence[Fit]) -> list[Residuals]:
-    """Residuals of solved states; each state comes with the fit that gives its noise."""
-    return [_residuals(solver, state, fit.noise) for state, fit in zip(states, fits, strict=True)]
-
-
-def _residuals(solver: Solver, state: FitState, noise: Noise) -> Residuals:
+def residuals_of(solver: Solver, state: FitState, noise: Noise) -> Residuals:
+    """Residuals of a solved state under the observer for a noise."""
     data = state.data
-    (innovation,) = (np.asarray(part, float) for part in solver.innovations([state]))
-    (gap,) = (
-        np.clip(np.asarray(part, float), -FARTHEST, FARTHEST) for part in solver.innovations([state], CLOSED_LOOP)
-    )
+    innovation = np.asarray(solver.innovations([state])[0], float)
+    gap = np.clip(np.asarray(solver.innovations([state], CLOSED_LOOP)[0], float), -FARTHEST, FARTHEST)
     gain, surroundings = noise.gain(data.dt, data.stride), data.halfway()
     # Single precision, in which the innovations were computed: their rounding errors then cancel.
     expected = data.y.astype(np.float32).astype(float) - innovation
@@ -155,3 +147,30 @@ def smoothed_acceleration(
         later_information += MEASURED[:, None] * used[t] / gain.variance
         smoothed[t] = predicted[t] + observer.covariance[t % stride][2] @ later_information
     return np.where(has_ended, 0.0, smoothed)
+
+
+def autocorrelation(
+    innovation: Float[np.ndarray, "steps pieces"],
+    weight: Float[np.ndarray, "steps pieces"],
+    stride: int,
+    furthest: int,
+) -> Float[np.ndarray, " lags"]:
+    """Autocorrelation of weighted innovations [m] at lags of one, two, ... strides [-], up to the furthest lag [time
+    steps]. The weight is 1 where a time step counts; a stride is the number of time steps from one independent
+    measurement to the next.
+    """
+    variance = max(float(((innovation * weight) ** 2).sum() / max(weight.sum(), 1.0)), 1e-12)
+    return autocovariances(innovation, weight, range(stride, min(furthest, len(weight) - 1) + 1, stride)) / variance
+
+
+def autocovariances(
+    values: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"], lags: Iterable[int]
+) -> Float[np.ndarray, " lags"]:
+    """Mean products of values of mean 0 at given lags [time steps], over the pairs of time steps that both count; 0 at
+    lags without such pairs.
+    """
+    counted, covariances = values * weight, []
+    for lag in lags:
+        pairs = max((weight[lag:] * weight[:-lag]).sum(), 1.0)
+        covariances.append((counted[lag:] * counted[:-lag]).sum() / pairs)
+    return np.array(covariances)

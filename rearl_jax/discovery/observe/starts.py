@@ -5,12 +5,8 @@ has several maxima: a driver whose calibrated free-road response is always the s
 parameters of following, and no small step changes that.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
-from jaxtyping import Float
 
-from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.solver import Solver
 
@@ -25,31 +21,16 @@ there.
 
 def from_best_start(solver: Solver, state: FitState, *, iterations: int, tolerance: float) -> FitState:
     """The state solved from two starts: as given, and with drivers who are quicker on a free road. Each driver goes on
-    from the start that made it more likely.
-
-    Args:
-        solver: Solver of the car-following model.
-        state: The first start.
-        iterations, tolerance: As in `Solver.solve`.
+    from the start that made it more likely; other arguments as of `Solver.solve`.
     """
-    quicker = _faster_on_free_road(solver.layout.prior)
+    prior = solver.layout.prior
+    quicker = np.isin(prior.names, OF_FREE_ROAD) * np.log(QUICKER) / prior.spread  # in standardised parameters
     states = [state, replaced(state, z=state.z + quicker, mean=state.mean + quicker)]
     solver.solve(states, iterations=iterations, tolerance=tolerance)
     best = min(states, key=lambda solved: solved.objective)
-    likelier = _likeliest(states)
+    likelier = np.stack([solved.penalised() for solved in states]).argmax(axis=0)  # start of each driver
     if (likelier == likelier[0]).all() and states[likelier[0]] is best:
         return best
     mixed = replaced(best, z=np.stack([solved.z for solved in states])[likelier, np.arange(len(likelier))])
     solver.solve([mixed], iterations=iterations, tolerance=tolerance)
     return min(best, mixed, key=lambda solved: solved.objective)
-
-
-def _faster_on_free_road(prior: Prior) -> Float[np.ndarray, " own"]:
-    """Differences of the standardised parameters of the second start to those of the first [-]."""
-    is_changed = np.isin(prior.names, OF_FREE_ROAD)
-    return is_changed * np.log(QUICKER) / prior.spread
-
-
-def _likeliest(states: Sequence[FitState]) -> np.ndarray:
-    """Index of the state that makes each driver most likely."""
-    return np.stack([state.penalised() for state in states]).argmax(axis=0)

@@ -12,11 +12,11 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
 from rearl_jax.discovery.read.fused_errors import FusedErrors
 
-# Quantities that jump when another vehicle becomes the leader, second leader and so on, by vehicle.
+# Quantities that jump when another vehicle becomes the leader, the second leader, or one of the other vehicles.
 _OF_LEADER = (
     "leader_rear",
     "leader_centre",
@@ -26,9 +26,16 @@ _OF_LEADER = (
     "time_to_next",
 )
 _OF_SECOND = ("second_rear", "second_speed", "third_speed")
-_OF_FOLLOWER = ("follower_front", "follower_speed")
-_OF_LEFT = ("left_rear", "left_speed")
-_OF_NEXT = ("next_rear", "next_speed", "former_rear", "former_speed")
+_OF_OTHERS = (
+    "follower_front",
+    "follower_speed",
+    "left_rear",
+    "left_speed",
+    "next_rear",
+    "next_speed",
+    "former_rear",
+    "former_speed",
+)
 
 _SPEED_OF = {  # the speed with which a position changes
     "leader_rear": "leader_speed",
@@ -181,23 +188,36 @@ class Measured:
     @property
     def identity_of_driver(self) -> Int[np.ndarray, " drivers"]:
         """Number of the person or car of each driver, see `identity`; -1 if unknown."""
-        identity = np.full(self.n_drivers, -1)
-        identity[self.driver] = self.identity
-        return identity
+        return self.driver_values(self.identity)
 
     def label(self, name: str) -> np.ndarray:
         """A label of each driver: texts, None where unknown."""
-        values = np.full(self.n_drivers, None, object)
-        values[self.driver] = self.labels[name]
-        return values
+        return self.driver_values(self.labels[name])
 
     def of_drivers(self, is_kept: Bool[np.ndarray, " drivers"]) -> "Measured":
         """The selected drivers, renumbered in their order."""
         return self.select(np.flatnonzero(is_kept[self.driver]))
 
+    def sample(self, most: int, seed: int, group: Int[np.ndarray, " drivers"] | None = None) -> "Measured":
+        """A random sample of at most `most` drivers of each group; None if all are of one group."""
+        group = np.zeros(self.n_drivers, int) if group is None else group
+        rng, is_kept = np.random.default_rng(seed), np.zeros(self.n_drivers, bool)
+        for number in np.unique(group):
+            members = np.flatnonzero(group == number)
+            if len(members) > most:
+                members = members[rng.choice(len(members), most, replace=False)]
+            is_kept[members] = True
+        return self if is_kept.all() else self.of_drivers(is_kept)
+
     def is_corrected(self) -> Float[np.ndarray, " steps"]:
         """1 for time steps with an independent measurement, which corrects the observer, else 0."""
         return is_new(len(self.y), self.stride).astype(float)
+
+    def driver_values(self, values: Shaped[np.ndarray, " pieces"]) -> Shaped[np.ndarray, " drivers"]:
+        """The value of each driver, from values that are equal for all its pieces."""
+        of_driver = np.empty(self.n_drivers, values.dtype)
+        of_driver[self.driver] = values
+        return of_driver
 
     def driver_mean(self, values: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " drivers"]:
         """Mean over the time steps of each driver that count."""
@@ -213,6 +233,7 @@ class Measured:
         surroundings = self.surroundings
         no_step_after_last = np.zeros_like(self.y[:1])
         same_leader = self.leader[1:] == self.leader[:-1]
+        same_second = same_leader & (surroundings.has_second[1:] == surroundings.has_second[:-1])
 
         def middle(name: str) -> np.ndarray:
             values = getattr(surroundings, name)
@@ -222,16 +243,12 @@ class Measured:
                 speed = getattr(surroundings, _SPEED_OF[name])
                 unexplained = step - (speed[1:] + speed[:-1]) * (self.dt / 2)
                 half = half - (speed[1:] - speed[:-1]) * (self.dt / 8)  # assumes constant acceleration
-            is_same = same_leader
+            is_same = same_leader if name in _OF_LEADER else np.abs(unexplained) < _LEAST_JUMP
             if name in _OF_SECOND:
-                is_same = same_leader & (surroundings.has_second[1:] == surroundings.has_second[:-1])
-            if name in (*_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT):
-                is_same = np.ones_like(same_leader)
-            if name in (*_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT):
-                is_same = is_same & (np.abs(unexplained) < _LEAST_JUMP)
+                is_same = is_same & same_second
             return values + np.concatenate([np.where(is_same, half, 0.0), no_step_after_last])
 
-        interpolated = {name: middle(name) for name in (*_OF_LEADER, *_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT)}
+        interpolated = {name: middle(name) for name in (*_OF_LEADER, *_OF_SECOND, *_OF_OTHERS)}
         return dataclasses.replace(surroundings, **interpolated)
 
     def select(self, pieces: np.ndarray) -> "Measured":

@@ -15,9 +15,8 @@ from rearl_jax.core.leader_history import MAX_TIME_SINCE_CHANGE
 from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.read.fused_errors import FusedErrors
-from rearl_jax.discovery.read.last_changes import last_changes
+from rearl_jax.discovery.read.leader_changes import handed_over, handovers, last_changes
 from rearl_jax.discovery.read.measured import Measured, Surroundings, is_new, joined
-from rearl_jax.discovery.read.next_leaders import handed_over, handovers
 from rearl_jax.discovery.read.sideways_motion import LONGEST_LEAD
 from rearl_jax.discovery.read.smoothing import Thinned, cut_off, jumps, position_noise, smoothed_tracks, track_bounds
 from rearl_jax.discovery.read.smoothness import Smoothness
@@ -33,7 +32,6 @@ SETTLING = 1.5
 
 BEFORE_JUMP = 0.5
 """Time before a position jump in which the jump affects smoothed values [s]."""
-
 
 LEAST_NOISE, EXACT_NOISE = 0.02, 0.05
 """Smallest assumed standard deviation of positions [m], for measurements and for simulations without noise. Noise is
@@ -62,12 +60,8 @@ NO_LABELS: Mapping[str, Sequence[pd.Series]] = MappingProxyType({})
 
 def padded_steps(longest: int, dt: float) -> int:
     """Number of time steps of all pieces of drives: those of LONGEST, or three quarters, a half, three eighths, ... of
-    them that hold the longest track. There are few numbers because every one needs programs of its own, whose
-    compilation takes far longer than the time steps without data.
-
-    Args:
-        longest: Time steps of the longest track.
-        dt: Time step [s].
+    them that hold the longest track, whose time steps are `longest`; `dt` is their length [s]. There are few numbers
+    because every one needs programs of its own, whose compilation takes far longer than the time steps without data.
     """
     n_steps = int(LONGEST / dt)
     longest = max(longest, 1)

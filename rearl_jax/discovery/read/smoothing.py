@@ -40,14 +40,11 @@ Thinned = tuple[pd.DataFrame, float]
 
 
 def thinned(recording: Recording, rate: float | None = None) -> Thinned:
-    """The table at the lowest sufficient time resolution, and its time step [s].
+    """The table of a recording at the lowest sufficient time resolution, and its time step [s]; `rate` is the frame
+    rate [1/s], None for that of the recording.
 
     Groups of neighbouring frames are merged: positions are averaged, so that no measurement is lost; lane and leader
     are taken from the last frame of each group.
-
-    Args:
-        recording: The recording.
-        rate: Frame rate [1/s]; None for that of the recording.
     """
     rate = rate or recording.info.frame_rate
     n = max(1, int(rate / SLOWEST_RATE))

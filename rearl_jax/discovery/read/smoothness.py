@@ -21,13 +21,11 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 BANDS = (1.1, 1.6, 2.2, 3.2, 4.5, 6.4, 9.0, 12.8)
 """Edges of frequency bands, half an octave each [rad/s]."""
 
-
 DRIVING, NOISE = 0.25, 16.0
 """Ratio of the acceleration's power an octave apart, for drives and for white noise in positions [-]."""
 
 SPECTRUM_TIME = 10.0
 """Window of the spectrum [s]."""
-
 
 KERNELS = (0.1, 0.4, 0.8)
 """Standard deviations of the kernel with which its estimation begins [s]."""
@@ -37,7 +35,6 @@ USUAL_ERRORS, USUAL_ROUNDING = np.exp(-8.0), np.exp(-12.0)
 
 USUAL_WEIGHT = 0.02
 """Weight of usual values beside that of a frequency band [-]: they decide only what the spectrum does not show."""
-
 
 MEDIAN_OVER_MEAN = float(np.log(2.0))
 """Ratio of median to mean of a spectral power, which is exponentially distributed [-]."""

@@ -124,9 +124,7 @@ def _folds(data: Measured, identity: Int[np.ndarray, " drivers"], several: np.nd
     """
     begin = np.full(data.n_drivers, np.inf)
     np.minimum.at(begin, data.driver, data.surroundings.time[0])
-    recording = np.zeros(data.n_drivers, int)
-    recording[data.driver] = data.recording
-    fold = np.zeros(data.n_drivers, int)
+    recording, fold = data.driver_values(data.recording), np.zeros(data.n_drivers, int)
     for number_of_person in several:
         runs = np.flatnonzero(identity == number_of_person)
         runs = runs[np.lexsort((begin[runs], recording[runs]))]

@@ -24,7 +24,9 @@ def base_section(verdict: Mapping[str, Any]) -> Section:
     for row in base["compared"]:
         tested = (row["protocols"][name] for name in shown)
         errors = (cell_of(errors and errors["gap_rmse"]["mean"]) for errors in tested)
-        rows.append(Row(spoken(row["name"]), (*_evidence(row, base), *errors, _result(row, base))))
+        gain = cell_of(None if row["name"] == base["driver"] else row["gain"], "+")
+        result = "chosen" if row["name"] == base["chosen"] else "rejected by simulations" if row["is_vetoed"] else ""
+        rows.append(Row(spoken(row["name"]), (gain, Cell(percent(row["best_share"])), *errors, Cell(result))))
     drivers = base["drivers"]
     how = (
         f"Each was calibrated to {drivers['fitted']} of the fitted drivers and evaluated on {drivers['checked']} "
@@ -38,17 +40,6 @@ def base_section(verdict: Mapping[str, Any]) -> Section:
     return Section(
         title, (f"{sentence(outcome)} {how}",), (Table(title, headings, tuple(rows)),), tuple(map(sentence, notes))
     )
-
-
-def _evidence(row: Mapping[str, Any], base: Mapping[str, Any]) -> tuple[Cell, Cell]:
-    gain = None if row["name"] == base["driver"] else row["gain"]
-    return cell_of(gain, "+"), Cell(percent(row["best_share"]))
-
-
-def _result(row: Mapping[str, Any], base: Mapping[str, Any]) -> Cell:
-    if row["name"] == base["chosen"]:
-        return Cell("chosen")
-    return Cell("rejected by simulations" if row["is_vetoed"] else "")
 
 
 def _earlier_model(base: Mapping[str, Any]) -> str:

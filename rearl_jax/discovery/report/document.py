@@ -1,9 +1,4 @@
-"""The document of a discovery: missing effects, error before and after, evidence and confidence.
-
-`before` is the calibrated model, `after` the final model with the effects found. Fitted drivers are those whom models
-are fitted to, check drivers those who decide whether a candidate is accepted, report drivers those whose errors are
-stated.
-"""
+"""The document of a discovery: missing effects, error before and after, evidence and confidence."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -80,13 +75,8 @@ def document_of(
     maps: pd.DataFrame | None = None,
     sources: tuple[DataSource, ...] = (),
 ) -> Document:
-    """The document of a discovery.
-
-    Args:
-        config: The task.
-        verdict: Content of verdict.json, see `verdict.py`.
-        maps: Content of maps.parquet, for remaining dependences of the residual; None to leave them out.
-        sources: Data sets with their licences.
+    """The document of a discovery, from the content of verdict.json and of maps.parquet; without the latter, remaining
+    dependences of the residual are left out. `sources` are the data sets with their licences.
     """
     data, candidates = verdict["data"], verdict["candidates"]
     following = [row for row in candidates if not is_lane_choice(row)]

@@ -1,5 +1,5 @@
-"""Entry `error` of the verdict: errors of the report drivers, who are used neither in the fit nor in the choice of
-effects, before and after effects were added, with intervals over drivers.
+"""Entry `error` of the verdict: errors of the report drivers before and after effects were added, with intervals over
+drivers.
 """
 
 from collections.abc import Mapping
@@ -39,12 +39,8 @@ POOLS: dict[str, Pool] = {"log_likelihood": np.sum, "energy_score": np.mean}
 
 
 def error_block(errors: Mapping[str, ModelErrors], resampling: Resampling) -> dict[str, Any]:
-    """Entry `error` of the verdict.
-
-    Args:
-        errors: Errors by model: `before`; `after` if effects were added, or `oracle` if the true effect was given; IDM
-            for comparison.
-        resampling: Resampling of the report drivers.
+    """Entry `error` of the verdict, from errors by model: `before`; `after` if effects were added, or `oracle` if the
+    true effect was given; IDM for comparison.
     """
     final_name = "after" if "after" in errors else "oracle" if "oracle" in errors else "before"
     first, final, idm = errors["before"], errors[final_name], errors.get(IDM)
@@ -97,16 +93,11 @@ def explained_share(
     confidence: float,
 ) -> float | None:
     """Share of the squared error above the floor that the added effects remove [-], from 0 to 1. The floor is the error
-    from the drivers' own noise, at most the error after.
+    from the drivers' own noise alone, at most the error after. Each error is the figure of all drivers, then those of
+    resamples.
 
-    None if the error was at the floor before. Also None if the noise alone causes a significantly larger error than
-    that after: then the noise model is wrong, and the removable error is unknown.
-
-    Args:
-        before: Error before: the figure of all drivers, then those of resamples.
-        after: Error after, in the same order.
-        noise: Error from the drivers' own noise alone, in the same order.
-        confidence: Confidence required to state that the noise error is larger.
+    None if the error was at the floor before. Also None if, with this confidence, the noise alone causes a larger error
+    than that after: then the noise model is wrong, and the removable error is unknown.
     """
     if np.mean(noise[1:] > after[1:]) > (1 + confidence) / 2:
         return None

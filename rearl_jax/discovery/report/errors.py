@@ -1,11 +1,10 @@
-"""Errors of models on the report drivers (not used to find the models), with the floor from the drivers' own noise.
+"""Errors of models on the report drivers, with the floor from the drivers' own noise.
 
 Only the drivers' own parameters are calibrated; everything else is kept as fitted to other drivers. The model is then
 simulated behind the measured leader, without correction. The main error uses parameters calibrated to each drive
 (`protocols.IN_SAMPLE`).
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +16,7 @@ from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.response_time import Responses, responses
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.read.training import Split, every_run
+from rearl_jax.discovery.read.training import every_run
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, ProtocolErrors, protocol_errors
 from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation, energy_scores
 from rearl_jax.discovery.search.simulated_drives import behind_noisy_drive, position_errors
@@ -66,32 +65,15 @@ class ModelErrors:
 
 
 def model_errors(
-    solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: int, variation: TimeGapVariation = CONSTANT_TIME_GAP
-) -> dict[str, ModelErrors]:
-    """Errors of fitted models on the report drivers, by name.
-
-    Args:
-        solver: Solver of the models.
-        data: The report drivers.
-        fits: The models by name.
-        seed: Seed of the noise, the same for all models.
-        variation: Variation of the time gap in predictions, see `protocol_errors`.
-    """
-    runs = every_run(data)
-    states = recalibrated(solver, data, list(fits.values()))
-    return {
-        name: _errors(solver, state, fit, seed, runs, variation)
-        for (name, fit), state in zip(fits.items(), states, strict=True)
-    }
-
-
-def _errors(
-    solver: Solver, state: FitState, fit: Fit, seed: int, runs: Sequence[Split], variation: TimeGapVariation
+    solver: Solver, data: Measured, fit: Fit, seed: int, variation: TimeGapVariation = CONSTANT_TIME_GAP
 ) -> ModelErrors:
-    data = state.data
+    """Errors of a fitted model on the report drivers. The seed of the noise must be the same for all models that are
+    compared; `variation` is that of the time gap in predictions, see `protocol_errors`.
+    """
+    state = recalibrated(solver, data, fit)
     calibrated = calibrated_to_gap(solver, state)
     in_sample_error, uncalibrated_error = (simulated_error(solver, each) for each in (calibrated, state))
-    protocols = protocol_errors(solver, state, fit, in_sample_error, runs, variation)
+    protocols = protocol_errors(solver, state, fit, in_sample_error, every_run(data), variation)
     in_sample = protocols[IN_SAMPLE]
     assert in_sample is not None
     (innovation,) = solver.innovations([state])

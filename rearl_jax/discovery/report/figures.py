@@ -1,7 +1,5 @@
-"""Figures of the evidence for effects, errors, innovations, drivers' parameters, and an example drive.
-
-`before` is the calibrated model, `after` the final model with the effects found. Errors are those of the report
-drivers, who are used neither in the fit nor in the choice of effects.
+"""Figures of the evidence for effects, errors of the report drivers, innovations, drivers' parameters, and an example
+drive.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,13 +29,8 @@ LARGEST_INNOVATION = 5.0
 
 
 def draw_evidence(rows: Sequence[Mapping[str, Any]], null: Null, *, generated: bool) -> bytes:
-    """PNG of the evidence for each candidate, of its gains, and of the range of evidence that occurs by chance.
-
-    Args:
-        rows: Entries `candidates` of the verdict.
-        null: Distribution of the evidence if no effect is missing. For candidates that it does not contain, no range is
-            drawn.
-        generated: Whether the data were generated, not measured.
+    """PNG of the evidence for each candidate (`rows`, as in the verdict), of its gains, and of the range of evidence
+    that occurs by chance; no range is drawn for candidates that the null distribution does not contain.
     """
     shown, threshold = rows[:MAX_CANDIDATES], null.threshold(THRESHOLDS.candidate_z_score)
     terms = [Term(row["name"], row["variables"][0] if row["kind"] == "generic" else None) for row in shown]
@@ -173,11 +166,8 @@ def draw_example(residuals: Mapping[str, Residuals], errors: Mapping[str, ModelE
 def stretches(
     counts: Bool[np.ndarray, " steps"], stride: int
 ) -> tuple[Int[np.ndarray, " counted"], Bool[np.ndarray, " counted"]]:
-    """Indices of the time steps of a piece (part of a track) that count, and whether a gap precedes each of them.
-
-    Args:
-        counts: Whether each time step counts.
-        stride: Time steps from one independent measurement to the next. A greater distance is a gap.
+    """Indices of the time steps of a piece (part of a track) that count, and whether a gap precedes each of them: a
+    distance of more than `stride`, the time steps from one independent measurement to the next.
     """
     rows = np.flatnonzero(counts)
     return rows, np.diff(rows, prepend=rows[:1]) > stride

@@ -8,9 +8,7 @@ groups    [{by, value, drivers, driver_seconds, cars, shared, labels, verdict, e
           equilibrium_time_gap, notes}]: `labels` {label: {value, share}} the most common value of each label and its
           share of the drivers, `cars` the number of persons or cars, null if no identity is known; `shared` the number
           of them among both fitted drivers (whom the model is fitted to) and report drivers (whose errors are
-          stated); `equilibrium_time_gap` {speed [m/s]: {value, low, high}}, the median of gap over speed [s] behind a
-          leader of that speed in the calibrated model, over the fitted drivers whose desired speed is higher, null if
-          these are fewer than half
+          stated); `equilibrium_time_gap` as in the entry `base` of a verdict without groups
 grouping  {by, left_out: {value: drivers}}: number of drivers outside all groups; for kinds found without labels also
           {kinds, evidence, distinctness, gain, chance, uncertain, purity: {label: {value, by_chance}}}, see
           `discovery.groups.kinds`
@@ -41,13 +39,8 @@ STRONGEST_FIRST = ("named", "improved", "unexplained", "artefact", "nothing")
 def verdict_of_groups(
     options: DiscoverConfig, groups: Mapping[str, Discovery], parts: Mapping[str, Parts], left_out: Mapping[str, int]
 ) -> dict[str, Any]:
-    """The verdict on all groups, without the computation time.
-
-    Args:
-        options: Keys of discovery.
-        groups: Verdict and table of errors of each group.
-        parts: Drivers of each group.
-        left_out: Number of drivers outside all groups, by value of the label.
+    """The verdict on all groups, without the computation time, from the verdict and the table of errors of each group
+    and its drivers; `left_out` is the number of drivers outside all groups, by value of the label.
     """
     rows = [_row(options, name, discovery.verdict, parts[name]) for name, discovery in groups.items()]
     verdicts = [row["verdict"] for row in rows]

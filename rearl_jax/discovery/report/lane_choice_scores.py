@@ -1,8 +1,5 @@
 """Scores of predicted lane changes: `lane_choice.prediction` of the verdict, and a table with a row per driver.
 
-An opportunity is a moment, twice a second, at which a driver has room to change to one side; held-out drivers are those
-whom no model was fitted to.
-
 Log loss [nats per driver-second] is the negative log-likelihood of the recorded choices (each side at each opportunity
 separately) divided by the time in which drivers could have changed lanes. Balanced accuracy [-] is the mean of
 sensitivity (share of changes that are predicted) and specificity (share of all other opportunities for which no change

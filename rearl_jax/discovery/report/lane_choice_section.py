@@ -1,4 +1,4 @@
-"""Section of the document on predicted lane changes of held-out drivers, whom no model was fitted to."""
+"""Section of the document on predicted lane changes of held-out drivers."""
 
 from collections.abc import Mapping
 from typing import Any

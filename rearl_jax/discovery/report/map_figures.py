@@ -23,12 +23,8 @@ COLUMNS = 3
 
 
 def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, generated: bool) -> bytes:
-    """PNG of the maps with the largest gains: before, after, and the added acceleration.
-
-    Args:
-        atlases: Maps `before`, and `after` if effects were added.
-        added: Added acceleration at the knots of the variables that it depends on.
-        generated: Whether the data were generated, not measured.
+    """PNG of the maps with the largest gains: before, after if effects were added, and the added acceleration at the
+    knots of the variables that it depends on.
     """
     best = shown_maps(atlases)
     n_rows = -(-len(best) // COLUMNS)

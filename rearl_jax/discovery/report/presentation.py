@@ -1,7 +1,7 @@
 """Residuals, maps, figures and page of a discovery; they do not influence the verdict.
 
 A map is the acceleration residual as a curve over one variable, a plane the same over two; an atlas contains all of one
-model. `before` is the calibrated model, `after` the final one with the effects found.
+model.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,9 +23,7 @@ from rearl_jax.document.html import page_of
 from rearl_jax.results import Study
 
 PARTS = ("fitted", "checked", "reported")
-"""Parts of the drivers, in the order of the residuals: those whom models are fitted to, those whom candidates are
-checked on, and those whose errors are stated.
-"""
+"""Parts of the drivers, in the order of the residuals."""
 
 N_SELECTING_PARTS = 2
 """Number of the first parts from which sparse regression selects variables; the reported part is excluded."""
@@ -38,11 +36,8 @@ DRAWS = 300
 
 
 def present(study: Study, discovery: Discovery) -> None:
-    """Writes `residuals.parquet`, `maps.parquet`, `planes.parquet`, the figures and `page.html`.
-
-    Args:
-        study: Study folder.
-        discovery: A discovery, with its page data.
+    """Writes `residuals.parquet`, `maps.parquet`, `planes.parquet`, the figures and `page.html` of a discovery with
+    page data into the study folder.
     """
     page_data, verdict, options = discovery.page_data, discovery.verdict, discovery.config.discover
     assert page_data is not None
@@ -93,8 +88,8 @@ def all_residuals(page_data: PageData) -> dict[str, list[Residuals]]:
         models["after"] = search.last, (search.checked, page_data.reported)
     residuals = {}
     for model, (fit, others) in models.items():
-        states = [fit.state, *(recalibrated(solver, part, [fit])[0] for part in others)]
-        residuals[model] = [residuals_of(solver, [state], [fit])[0] for state in states]
+        states = [fit.state, *(recalibrated(solver, part, fit) for part in others)]
+        residuals[model] = [residuals_of(solver, state, fit.noise) for state in states]
     return residuals
 
 

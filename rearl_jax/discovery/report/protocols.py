@@ -2,7 +2,7 @@
 
 Every error compares a simulation behind the measured leader with the measurement. A driver's parameters come from the
 population, from the first half of the drive, from the driver's other runs, or from the drive itself. The last case is
-not a prediction. Report drivers are those whose errors are stated; they are not used to find the model.
+not a prediction.
 """
 
 from collections.abc import Sequence
@@ -69,14 +69,8 @@ def protocol_errors(
     runs: Sequence[Split] = (),
     variation: TimeGapVariation = CONSTANT_TIME_GAP,
 ) -> dict[str, ProtocolErrors | None]:
-    """Errors under every protocol, by name; None if no driver can be tested.
-
-    Args:
-        solver: Solver of the model.
-        state: State of the report drivers under the model.
-        fit: The fitted model.
-        in_sample: Deviations with parameters calibrated to each drive.
-        runs, variation: As in `prediction_errors`.
+    """Errors under every protocol, by name; None if no driver can be tested. `in_sample` are the deviations with
+    parameters calibrated to each drive; other arguments as of `prediction_errors`.
     """
     predicted, whole = prediction_errors(solver, state, fit, runs, variation), [Split(state.data, state.data)]
     population = predicted["population"]
@@ -92,14 +86,11 @@ def prediction_errors(
     runs: Sequence[Split] = (),
     variation: TimeGapVariation = CONSTANT_TIME_GAP,
 ) -> dict[str, ProtocolErrors | None]:
-    """Errors under the protocols that predict, by name: all but IN_SAMPLE; None if no driver can be tested.
+    """Errors of a fitted model under the protocols that predict, by name: all but IN_SAMPLE; None if no driver can be
+    tested. `state` is that of the report drivers under the model.
 
-    Args:
-        solver: Solver of the model.
-        state: State of the report drivers under the model.
-        fit: The fitted model.
-        runs: Splits of drivers with several runs, see `left_out_runs`.
-        variation: Variation of the time gap; the part that follows from the gap at the start of a drive is predicted.
+    `runs` are the splits of drivers with several runs, see `left_out_runs`. Of the variation of the time gap, the part
+    that follows from the gap at the start of a drive is predicted.
     """
     data = state.data
     whole, all_drivers = [Split(data, data)], np.arange(data.n_drivers)

@@ -86,8 +86,7 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
     information are shrunk to the mean and scatter less than drivers do. Source: law of total variance.
     """
     state, truck, classes = fit.state, fit.state.truck, {}
-    lengths = np.zeros(data.n_drivers)
-    lengths[data.driver] = data.length
+    lengths = data.driver_values(data.length)
     unit = prior.spread
     for class_number, (name, median) in enumerate(zip((CAR, TRUCK), prior.usual, strict=True)):
         members = truck == class_number

@@ -57,12 +57,7 @@ def error_table(errors: Mapping[str, ModelErrors]) -> pd.DataFrame:
 
 
 def read_errors(table: pd.DataFrame, error: Mapping[str, Any]) -> dict[str, ModelErrors]:
-    """Errors from their table, without response times.
-
-    Args:
-        table: Table made by `error_table`.
-        error: Entry `error` of the verdict.
-    """
+    """Errors from their table, made by `error_table`, and the entry `error` of the verdict; without response times."""
     return {str(model): _read_model(rows, error) for model, rows in table.groupby("model", sort=False)}
 
 
@@ -104,9 +99,9 @@ def fit_table(solver: Solver, fit: Fit) -> pd.DataFrame:
     return table
 
 
-def candidate_table(verdict: dict[str, Any]) -> list[dict[str, Any]]:
+def candidate_table(verdict: dict[str, Any]) -> pd.DataFrame:
     """Candidates of the verdict as flat rows."""
-    return [{**row, "variables": ",".join(row["variables"])} for row in verdict["candidates"]]
+    return pd.DataFrame([row | {"variables": ",".join(row["variables"])} for row in verdict["candidates"]])
 
 
 def summary(verdict: dict[str, Any]) -> dict[str, Any]:

@@ -1,8 +1,6 @@
 """Variation of the time gap within a driver, and the energy score of simulations with and without it.
 
-The variation is estimated on the fitted drivers, whom the model is fitted to, and scored on the report drivers, who are
-used neither in the fit nor in the choice of effects. The calibrated model contains no effect found by the search; the
-final model contains all.
+The variation is estimated on the fitted drivers and scored on the report drivers.
 
 Entry `time_gap_variation` of the verdict: {sd, time, noise_share, start_share, time_gap, energy_score: {before,
 constant, varying, change, change_share}}. `sd` is the standard deviation of log T within a driver [-], T the time gap,
@@ -44,14 +42,9 @@ def variation_block(
     variation: TimeGapVariation,
     resampling: Resampling,
 ) -> dict[str, Any]:
-    """Entry `time_gap_variation` of the verdict.
-
-    Args:
-        solver: Solver of the models.
-        calibrated_on: The calibrated model, and the report drivers.
-        final_on: The final model, and the report drivers with the clock corrections found with this model.
-        variation: Variation estimated on the fitted drivers.
-        resampling: Resampling of drivers; its seed is also used for the noise.
+    """Entry `time_gap_variation` of the verdict: from the calibrated model with the report drivers, and from the final
+    model with these drivers, their clocks corrected with that model. The seed of the resampling is also used for the
+    noise.
     """
 
     def scores_of(fit: Fit, halves: FitState | None, varied: TimeGapVariation) -> Float[np.ndarray, " drivers"]:

@@ -116,16 +116,9 @@ def claim_of(
     confidence: float,
     reliability: float,
 ) -> Claim:
-    """An accepted candidate as an effect of the verdict.
-
-    Args:
-        trial: The candidate.
-        others: The fitted trials that it competed with.
-        theta: Parameters of all candidates in the final model.
-        covariance: Covariance of the candidate's parameters, in order.
-        layout: Layout of theta.
-        confidence: Confidence of the intervals [-].
-        reliability: Upper bound of the confidence in the effect.
+    """An accepted candidate as an effect of the verdict. It competed with the trials `others`; `theta` are the
+    parameters of all candidates in the final model, `covariance` that of its own parameters, `confidence` that of their
+    intervals [-], and `reliability` the upper bound of the confidence in the effect [-].
     """
     candidate = trial.candidate
     parameters, deviations = {}, np.sqrt(np.diag(covariance))
@@ -192,14 +185,8 @@ def differing_clocks(check: ClockCheck, reliability: float) -> Claim:
 
 
 def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, predicts_better: bool) -> str:
-    """The verdict in one word.
-
-    Args:
-        search: Result of the search.
-        effects: Claimed effects.
-        adequacy: Adequacy of the final model.
-        predicts_better: Whether the report drivers are predicted better with the effects found, see
-            `error_block.lowers_predicting_errors`.
+    """The verdict in one word; `predicts_better` is true if the report drivers are predicted better with the effects
+    found, see `error_block.lowers_predicting_errors`.
     """
     added = {trial.candidate.kind for trial in search.added}
     names = {effect.name for effect in effects}

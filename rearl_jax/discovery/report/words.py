@@ -1,8 +1,4 @@
-"""The verdict in sentences.
-
-`driver` is the car-following model of the configuration. `before` is the calibrated model, `after` the final model with
-the effects found; other drivers are those not used to find the model.
-"""
+"""The verdict in sentences. `driver` is the car-following model of the configuration."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -15,12 +15,12 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.candidates import Term
-from rearl_jax.discovery.observe.fit import Fit, recalibrated
+from rearl_jax.discovery.observe.fit import recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.forcing import acceleration_derivatives, wanted_acceleration
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import far_from_changes, relative_variance
-from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
+from rearl_jax.discovery.observe.residuals import Residuals, autocovariances, residuals_of
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.outcome import Search
@@ -128,23 +128,16 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     Kurtosis and autocorrelation are those far from changes of leader, if there are enough data: how a lane change is
     carried out differs from time to time. Misjudged gaps and old decisions are not candidates of the search, and
     nothing is fitted to test them, so the tests use the fitted and the check drivers together.
-
-    Args:
-        solver: Solver of the model.
-        search: Result of the search, with the added effects.
-        seed: Seed of the simulated drives.
     """
-    state, last_round = search.last.state, search.rounds[-1]
+    state, noise, last_round = search.last.state, search.last.noise, search.rounds[-1]
     (innovation_before,) = solver.innovations([search.first.state])
-    states = [state, *recalibrated(solver, search.checked, [search.last])]
-    of_parts = residuals_of(solver, states, [search.last, search.last])
-    by_noise = by_noise_alone(solver, states, search.last, seed)
+    states = [state, recalibrated(solver, search.checked, search.last)]
+    of_parts = [residuals_of(solver, solved, noise) for solved in states]
+    by_noise = by_noise_alone(solver, states, noise, seed)
     fitted = of_parts[0]
     weight = far_from_changes(state.data, state.data.weight)
-    innovation, innovation_before = (
-        standardised(values, state.data, fit.noise)
-        for values, fit in ((fitted.innovation, search.last), (innovation_before, search.first))
-    )
+    innovation = standardised(fitted.innovation, state.data, noise)
+    innovation_before = standardised(innovation_before, state.data, search.first.noise)
     term = max(last_round.z_score, key=lambda key: last_round.z_score[key])
     return Adequacy(
         kurtosis=kurtosis(innovation, weight),
@@ -160,13 +153,16 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     )
 
 
-def by_noise_alone(solver: Solver, states: Sequence[FitState], fit: Fit, seed: int) -> list[ResidualsByPart]:
+def by_noise_alone(solver: Solver, states: Sequence[FitState], noise: Noise, seed: int) -> list[ResidualsByPart]:
     """Residuals of drives simulated with the final model and noise alone, for each replicate."""
     replicates_by_part = [
-        [replicate for batch in noise_alone(solver, state, fit.noise, REPLICATES, seed + part) for replicate in batch]
+        [replicate for batch in noise_alone(solver, state, noise, REPLICATES, seed + part) for replicate in batch]
         for part, state in enumerate(states)
     ]
-    return [residuals_of(solver, drives, [fit] * len(drives)) for drives in zip(*replicates_by_part, strict=True)]
+    return [
+        [residuals_of(solver, drives, noise) for drives in replicate]
+        for replicate in zip(*replicates_by_part, strict=True)
+    ]
 
 
 def standardised(
@@ -189,9 +185,7 @@ def neighbour_autocorrelation(residuals: Residuals) -> float:
     """Autocorrelation of standardised innovations from one independent measurement to the next [-]."""
     data, lag = residuals.state.data, residuals.state.data.stride
     innovation = standardised(residuals.innovation, data, residuals.noise)
-    weight = far_from_changes(data, data.weight)
-    pair = weight[lag:] * weight[:-lag]
-    return float((innovation[lag:] * innovation[:-lag] * pair).sum() / pair.sum())
+    return float(autocovariances(innovation, far_from_changes(data, data.weight), [lag])[0])
 
 
 def kurtosis(innovation: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"]) -> float:
@@ -212,14 +206,11 @@ def unequal_noise(innovation: Float[np.ndarray, "steps pieces"], data: Measured)
 
 
 def misjudgement(measured: ResidualsByPart, by_noise: Sequence[ResidualsByPart]) -> float:
-    """Growth of the acceleration residual with the response to a misjudged gap, in standard deviations [-].
+    """Growth of the acceleration residual with the response to a misjudged gap, in standard deviations [-]. `by_noise`
+    are residuals of replicates of the measured drives, simulated with the final model and noise alone.
 
     A relative error of the gap changes the acceleration by the gap times the model's derivative by the gap. Noise of
     the acceleration does not depend on this derivative and is even damped by it, which gives negative values.
-
-    Args:
-        measured: Residuals of the measured drives.
-        by_noise: Residuals of replicates of these drives, simulated with the final model and noise alone.
     """
 
     def by_misjudging(residuals: Residuals) -> np.ndarray:

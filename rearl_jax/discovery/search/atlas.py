@@ -37,17 +37,11 @@ from rearl_jax.discovery.search.variables import Variable, variables_of
 PLANES = (("gap", "approach_rate"), ("position", "time"))
 """Horizontal and vertical variable of each plane."""
 
-CURVE_SCALE = {"acceleration": 0.3, "time_gap": 0.3}
-"""Prior standard deviation of a curve's values: acceleration [m/s^2], change of the logarithm of the time gap [-]."""
-
 
 @dataclass(frozen=True)
 class Grid:
-    """Knots of the curves and edges of the planes' cells, the same for all models and parts of the data.
-
-    Attributes:
-        bases: Knots of the curve over each variable.
-        edges: Edges of the cells by variable.
+    """Knots of the curve over each variable (`bases`), and edges of the planes' cells by variable, the same for all
+    models and parts of the data.
     """
 
     bases: tuple[Basis, ...]
@@ -57,10 +51,10 @@ class Grid:
         """One group of design-matrix columns per curve: first curves that add acceleration, then those that change the
         time gap.
         """
-        curves = [(basis, acts_on) for acts_on in CURVE_SCALE for basis in self.bases]
+        curves = [(basis, acts_on) for acts_on in ("acceleration", "time_gap") for basis in self.bases]
         stops = np.cumsum([len(basis.knots) for basis, _ in curves])
         return [
-            Group(basis.variable.name, acts_on, np.arange(stop - len(basis.knots), stop), CURVE_SCALE[acts_on])
+            Group(basis.variable.name, acts_on, np.arange(stop - len(basis.knots), stop))
             for (basis, acts_on), stop in zip(curves, stops, strict=True)
         ]
 

@@ -47,12 +47,8 @@ class ClockCheck:
 
 @dataclass(frozen=True)
 class ShiftCorrection:
-    """Drivers with corrected leader positions.
-
-    Attributes:
-        data: The drivers.
-        estimate: The corrected shifts.
-        gain: Gain against the uncorrected data, less the complexity penalty [nats].
+    """Drivers with corrected leader positions, the corrected shifts, and the gain against the uncorrected data, less
+    the complexity penalty [nats].
     """
 
     data: Measured
@@ -79,13 +75,13 @@ def check_clocks(solver: Solver, base: Fit, checked: Measured) -> ClockCheck | N
 
 def correct_shifts(solver: Solver, shifts: Shifts, base: Fit) -> ShiftCorrection:
     """The data of `shifts`, corrected by these shifts under the calibrated model `base`; the best of all iterations."""
-    (state,) = recalibrated(solver, shifts.data, [base])
+    state = recalibrated(solver, shifts.data, base)
     uncorrected, values, best = state.penalised(), shifts.values, None
     for _ in range(ITERATIONS):
         score = scores(solver, [state])[0][CLOCK_OFFSET]
         estimate = shifts.estimate(values, score.driver_score, score.driver_information)
         values, data = estimate.values, shifts.corrected(estimate.values)
-        (state,) = recalibrated(solver, data, [base])
+        state = recalibrated(solver, data, base)
         gain = float(bounded_gains(state.penalised() - uncorrected, data).sum()) - estimate.cost
         corrected = ShiftCorrection(data, estimate, gain)
         best = corrected if best is None or corrected.gain > best.gain else best

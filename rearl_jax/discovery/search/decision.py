@@ -116,7 +116,7 @@ def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Tr
     if not base.extended:
         return []
     fits = [base.bare, *base.extended]
-    of_check = recalibrated(solver, checked, fits)
+    of_check = [recalibrated(solver, checked, fit) for fit in fits]
     return [
         trial_of(solver, after, before.state, other, other_before, 0.0)
         for before, after, other_before, other in zip(fits[:-1], fits[1:], of_check[:-1], of_check[1:], strict=True)

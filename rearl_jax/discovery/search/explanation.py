@@ -18,13 +18,9 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 
 @dataclass(frozen=True)
 class Prediction:
-    """Predictions of the final model of a search for the check drivers.
-
-    Attributes:
-        log_likelihood: Log-likelihood of each driver's positions, predicted one time step ahead, with the driver's
-            parameters integrated out [nats].
-        gap_error: Gap error of each driver in simulation, with the driver's parameters calibrated to the gap [m].
-        data: The check drivers.
+    """Predictions of the final model of a search for the check drivers (`data`): the log-likelihood of each driver's
+    positions, predicted one time step ahead, with the driver's parameters integrated out [nats], and the gap error of
+    each driver in simulation, with the driver's parameters calibrated to the gap [m].
     """
 
     log_likelihood: Float[np.ndarray, " drivers"]
@@ -34,7 +30,7 @@ class Prediction:
 
 def prediction_of(solver: Solver, outcome: Search) -> Prediction:
     """Predictions of the final model of a search for the check drivers."""
-    (state,) = recalibrated(solver, outcome.checked, [outcome.last])
+    state = recalibrated(solver, outcome.checked, outcome.last)
     (error,) = gap_errors(solver, [state])
     return Prediction(state.marginal(), error, outcome.checked)
 

@@ -65,16 +65,12 @@ def confounded(first: Term, other: Term) -> bool:
 
 DISTINGUISHING_DATA = {
     ("bend", "speed_limit"): "a map, or signs: both limit the speed of all vehicles on a section",
-    (
-        "grade",
-        "speed_limit",
-    ): "free vehicles with different desired speeds on the section: a limit slows only fast ones, a slope all",
+    ("grade", "speed_limit"): (
+        "free vehicles with different desired speeds on the section: a limit slows only fast ones, a slope all"
+    ),
     ("lens", "grade"): "a second camera, or vehicles that pass at very different speeds: a distortion shifts all alike",
     ("reaction_delay", "leader_acceleration"): "faster changes of the leader's speed, above 0.2 Hz",
-    (
-        "several_leaders",
-        "leader_acceleration",
-    ): "a second leader whose speed changes differently from the first's",
+    ("several_leaders", "leader_acceleration"): "a second leader whose speed changes differently from the first's",
     ("speed_dependent_time_gap", "resignation"): "the same speed reached from above and from below, minutes apart",
     ("leader_class", "leader_length"): "trucks of different lengths, and long cars",
     ("weather", "time"): "a longer record, or a second one in other weather",

@@ -26,38 +26,28 @@ PAIRS = 25
 MOST_GROUPS = 4
 """Largest number of groups selected in one half."""
 
+CURVE_SCALE = 0.3
+"""Prior standard deviation of a curve's values: acceleration [m/s^2], change of the logarithm of the time gap [-]."""
+
 
 @dataclass(frozen=True)
 class Group:
-    """The curve of one variable.
-
-    Attributes:
-        variable: Name of the variable.
-        acts_on: `acceleration` or `time_gap`.
-        columns: Indices of the columns of its knots in the design matrix.
-        scale: Prior standard deviation of its values: acceleration [m/s^2], or change of the logarithm of the time gap
-            [-].
+    """The curve of one variable that acts on `acceleration` or `time_gap`: `columns` are the indices of the columns of
+    its knots in the design matrix.
     """
 
     variable: str
     acts_on: str
     columns: Int[np.ndarray, " knots"]
-    scale: float
 
 
 @dataclass(frozen=True)
 class Selected:
-    """A variable and how often it was selected.
-
-    Attributes:
-        variable: Name of the variable.
-        acts_on: `acceleration` or `time_gap`, whichever was selected more often.
-        frequency: Share of the halves in which the variable was selected, in either way [-].
-        first: Share of the halves in which it was the first variable selected [-].
+    """A variable, the share of the halves in which one or both of its curves were selected (`frequency`), and of those
+    in which one was the first (`first`) [-].
     """
 
     variable: str
-    acts_on: str
     frequency: float
     first: float
 
@@ -69,18 +59,15 @@ def stability_selection(scores: DriverScores, groups: Sequence[Group], seed: int
     """
     rng = np.random.default_rng(seed)
     n, chosen, first = len(scores.score), Counter(), Counter()
-    ways: Counter[tuple[str, str]] = Counter()
     for _ in range(PAIRS):
         order = rng.permutation(n)
         for half in (order[: n // 2], order[n // 2 : 2 * (n // 2)]):
             in_half = forward_selection(scores, half, groups)
             chosen.update({group.variable for group in in_half})
             first.update(group.variable for group in in_half[:1])
-            ways.update((group.variable, group.acts_on) for group in in_half)
     n_halves = 2 * PAIRS
     names = dict.fromkeys(group.variable for group in groups)
-    usual = {name: max(("acceleration", "time_gap"), key=lambda way: ways[name, way]) for name in names}
-    selected = [Selected(name, usual[name], chosen[name] / n_halves, first[name] / n_halves) for name in names]
+    selected = [Selected(name, chosen[name] / n_halves, first[name] / n_halves) for name in names]
     return sorted(selected, key=lambda variable: (-variable.first, -variable.frequency))
 
 
@@ -88,7 +75,7 @@ def forward_selection(scores: DriverScores, drivers: Int[np.ndarray, " some"], g
     """Groups in the order in which they are added, for the given drivers."""
     gram, score = scores.gram[drivers].sum(axis=0), scores.score[drivers].sum(axis=0)
     for group in groups:
-        gram[group.columns, group.columns] += scores.variance / group.scale**2
+        gram[group.columns, group.columns] += scores.variance / CURVE_SCALE**2
     unselected, selected = list(groups), []
     bound = np.log(len(groups)) + THRESHOLDS.finder_evidence
     while unselected and len(selected) < MOST_GROUPS:
@@ -110,5 +97,5 @@ def _evidence(
 ) -> float:
     """Laplace evidence for a group [nats], whose prior is in the diagonal of `gram`; the penalty is for its width."""
     block, group_score = gram[np.ix_(group.columns, group.columns)], score[group.columns]
-    penalty = np.linalg.slogdet(block * (group.scale**2 / variance))[1]
+    penalty = np.linalg.slogdet(block * (CURVE_SCALE**2 / variance))[1]
     return float(0.5 * group_score @ np.linalg.solve(block, group_score) / variance - 0.5 * penalty)

@@ -115,14 +115,9 @@ def departures(state: FitState, prior: Prior) -> Float[np.ndarray, " pieces"]:
 def energy_scores(
     solver: Solver, state: FitState, fit: Fit, seed: int, variation: TimeGapVariation = CONSTANT_TIME_GAP
 ) -> Float[np.ndarray, " drivers"]:
-    """Energy score of noisy simulations of each driver [m]; distances are root mean squares over a drive.
-
-    Args:
-        solver: Solver of the model.
-        state: State of the drivers under the model.
-        fit: The model and its noise.
-        seed: Seed of the noise, the same for all models.
-        variation: Variation of the time gap, and the remaining share of the acceleration noise.
+    """Energy score of noisy simulations of each driver [m]; distances are root mean squares over a drive. The seed of
+    the noise must be the same for all models that are compared; `variation` also states the remaining share of the
+    acceleration noise.
     """
     data, rng, variations = state.data, np.random.default_rng(seed), np.random.default_rng([seed, 2])
     noise = replace(fit.noise, acceleration=variation.noise_share * fit.noise.acceleration)
@@ -149,23 +144,13 @@ class VariationSearch:
     """
 
     def __init__(self, solver: Solver, fit: Fit, seed: int) -> None:
-        """Prepares the search.
-
-        Args:
-            solver: Solver of the model.
-            fit: The model and its noise.
-            seed: Seed of the noise.
-        """
         self._solver, self._fit, self._seed = solver, fit, seed
         self._state = later_halves(solver, fit.state.data, fit)
         self._scores: dict[TimeGapVariation, Float[np.ndarray, " drivers"]] = {}
 
     def best(self, start_shares: Sequence[float] = START_SHARES) -> TimeGapVariation:
         """The best variation; none if the improvement is not significant (`variation_z_score`). One parameter is
-        searched after the other.
-
-        Args:
-            start_shares: Tested values of `TimeGapVariation.start_share`.
+        searched after the other; `start_shares` are the tested values of `TimeGapVariation.start_share`.
         """
         if self._state is None:
             return CONSTANT_TIME_GAP

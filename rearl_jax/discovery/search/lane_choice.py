@@ -21,9 +21,8 @@ def lane_choice(
     """
     if (few := too_few_changes(recordings)) is not None:
         return few  # so that no driver is calibrated in vain
-    known = KnownDrivers.of(
-        [search.first.state, *recalibrated(solver, search.checked, [search.first])], solver.layout.prior
-    )
+    states = [search.first.state, recalibrated(solver, search.checked, search.first)]
+    known = KnownDrivers.of(states, solver.layout.prior)
     split = [part.vehicle for part in (parts.fitted, parts.checked, parts.reported)]
     return lane_change_findings(recordings, known, split, options.confidence, options.seed)
 

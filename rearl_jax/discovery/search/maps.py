@@ -106,12 +106,8 @@ def basis_of(variable: Variable, weight: Float[np.ndarray, "steps pieces"]) -> B
 def fitted(
     scores: DriverScores, drivers: Float[np.ndarray, " drivers"] | None = None, prior_deviation: float = CURVE_DEVIATION
 ) -> Float[np.ndarray, " columns"]:
-    """Coefficients of the columns that explain the innovations best (ridge regression).
-
-    Args:
-        scores: Scores of the columns.
-        drivers: Weight of each driver [-]; None for equal weights.
-        prior_deviation: Prior standard deviation of each coefficient [m/s^2].
+    """Coefficients of the columns that explain the innovations best (ridge regression), with a prior standard deviation
+    for each [m/s^2]; `drivers` are the weights of the drivers [-], None for equal ones.
     """
     gram, score = (
         (scores.gram.sum(axis=0), scores.score.sum(axis=0))

@@ -1,5 +1,6 @@
-"""Result of a search for missing effects."""
+"""Result of a search for missing effects, and of each of its rounds."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from itertools import takewhile
 
@@ -10,11 +11,78 @@ from rearl_jax.discovery.observe.candidates import EARLY_LEADER, NAMED_KINDS, La
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.clock_check import ClockCheck
-from rearl_jax.discovery.search.decision import Trial
+from rearl_jax.discovery.search.decision import Trial, copies_leader, indistinguishable, is_everywhere, is_of_numerics
 from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.round import Round
 from rearl_jax.discovery.search.screen import Score
 from rearl_jax.discovery.thresholds import THRESHOLDS
+
+
+@dataclass(frozen=True)
+class Round:
+    """One round of the search: all candidates are scored without a fit (screen), the most likely ones are fitted, and
+    the best one that is accepted is added to the model.
+
+    Attributes:
+        base: The model at the beginning of the round.
+        evidence: Evidence for every candidate [nats].
+        excess: Evidence for every candidate above the mean of the null distribution [nats].
+        z_score: The excess in standard deviations of the null distribution [-].
+        exceeding: Candidates whose evidence exceeds chance, and those that are easily confused with them.
+        trials: All candidates that were fitted.
+        accepted: Accepted trials that no later test rejected, the best first.
+        clock_z_score: As `z_score`, for clock offsets.
+        contradicted: Trials that the one-step predictions support and simulations contradict.
+        dropped: Accepted trials that a later test rejected; after `simulation.confirmed`, also those ranked below.
+    """
+
+    base: Fit
+    evidence: dict[Term, float]
+    excess: dict[Term, float]
+    z_score: dict[Term, float]
+    exceeding: frozenset[Term]
+    trials: list[Trial]
+    accepted: list[Trial]
+    clock_z_score: float = 0.0
+    contradicted: list[Trial] = field(default_factory=list)
+    dropped: list[Trial] = field(default_factory=list)
+
+    @property
+    def chosen(self) -> Trial | None:
+        """The trial whose candidate is added; None if no trial is accepted."""
+        return self.accepted[0] if self.accepted else None
+
+    @property
+    def possible(self) -> list[Trial]:
+        """All trials that may explain the drivers, and that neither simulations nor later tests reject."""
+        denied = {trial.candidate.term for trial in (*self.contradicted, *self.dropped)}
+        return [trial for trial in self.trials if may_explain(trial) and trial.candidate.term not in denied]
+
+    @property
+    def is_beaten(self) -> bool:
+        """True if a significant trial that was not added is better than the added one."""
+        chosen = self.chosen
+        return chosen is not None and any(
+            trial.beats(chosen) and is_significant(trial, self.exceeding) for trial in self.possible
+        )
+
+    @property
+    def alternatives(self) -> list[Trial]:
+        """Trials that the data cannot distinguish from the added one."""
+        return indistinguishable(self.accepted)[1:] if self.accepted else []
+
+
+def may_explain(trial: Trial) -> bool:
+    """True unless the trial is a delay within the time resolution, a copy of the leader's acceleration, or a section
+    with no end in the data: these fit well for reasons that have nothing to do with drivers or roads.
+    """
+    return not (is_of_numerics(trial) or copies_leader(trial) or is_everywhere(trial))
+
+
+def is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
+    """True if a trial may explain the drivers, and the evidence for its candidate exceeds chance or its total gain
+    after the fit is large enough.
+    """
+    return may_explain(trial) and (trial.candidate.term in exceeding or trial.total > THRESHOLDS.total_below_z_score)
 
 
 @dataclass
@@ -75,10 +143,7 @@ class Search:
         self, covariance: Float[np.ndarray, "free free"]
     ) -> list[tuple[Trial, list[Trial], Float[np.ndarray, "of_effect of_effect"]]]:
         """Effects of the final model, those of lane changes first: the trial of each, all trials that competed
-        (including it), and the covariance of its parameters.
-
-        Args:
-            covariance: Covariance of the parameters of all effects.
+        (including it), and its part of the covariance of the parameters of all effects.
         """
         trials = [(trial, [trial]) for trial in self.lane_changes]
         trials += [(round_.chosen, round_.possible) for round_ in self.rounds if round_.chosen is not None]

@@ -23,9 +23,8 @@ from rearl_jax.discovery.search.decision import (
 )
 from rearl_jax.discovery.search.families import confounded, with_families
 from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.outcome import Search, is_free
+from rearl_jax.discovery.search.outcome import Round, Search, is_free, is_significant
 from rearl_jax.discovery.search.refit import nested, rebased, refit
-from rearl_jax.discovery.search.round import Round, is_significant
 from rearl_jax.discovery.search.screen import Score, clock_evidence, evidences, scores
 from rearl_jax.discovery.search.simulation import is_wrong_lens, makes_simulations_worse, simulated
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -90,10 +89,8 @@ def search(
         corrected = None
         if clocks is not None and not outcome.rounds and (round_.chosen is None or clocks.total > round_.chosen.total):
             corrected = base_of(solver, clocks.fitted, lane_changes=lane_changes)
-            (before,), (after,) = (
-                recalibrated(solver, data, [fit]) for data, fit in ((checked, base), (clocks.checked, corrected.fit))
-            )
-            if makes_simulations_worse(solver, before, after):
+            before = recalibrated(solver, checked, base)
+            if makes_simulations_worse(solver, before, recalibrated(solver, clocks.checked, corrected.fit)):
                 log.info("corrected clocks make simulations of the check drivers worse: not corrected")
                 corrected, clocks = None, None
         if clocks is not None and corrected is not None:
@@ -123,18 +120,12 @@ def with_predictive_effects(
     null_for: NullFor,
     report: Report,
 ) -> Search:
-    """The search with only those additions that predict other drivers better; `outcome` itself if all of them do.
+    """The search with only those additions that predict other drivers better; `outcome` itself if all of them do. The
+    first of some trials, the best first, that predicts them better than the model it was added to is that of
+    `most_predictive`; None if none does.
 
     An addition that does not is replaced by the next best trial of its round, and the rounds after it are repeated
     without its candidate.
-
-    Args:
-        solver: Solver of the car-following model.
-        outcome: The search.
-        most_predictive: The first of some trials, the best first, that predicts other drivers better than the model it
-            was added to; None if none does.
-        null_for: Null distributions, see `NullFor`.
-        report: As in `search`.
     """
     kept = replace(outcome, rounds=[], rejected=list(outcome.rejected))
     stored = list(outcome.rounds)
@@ -254,7 +245,7 @@ def _tried_first(screened: Round, order: Sequence[Term], exceeds: set[Term]) -> 
 def _checked(solver: Solver, screened: Round, fits: Mapping[Term, Fit], null: Null, outcome: Search) -> Round:
     """The round with a trial of every fit on the check drivers, and with the accepted trials."""
     base = screened.base
-    other_base, *others = recalibrated(solver, outcome.checked, [base, *fits.values()])
+    other_base, *others = (recalibrated(solver, outcome.checked, fit) for fit in (base, *fits.values()))
     trials = [
         trial_of(solver, fit, base.state, other, other_base, null.null_mean(term))
         for (term, fit), other in zip(fits.items(), others, strict=True)

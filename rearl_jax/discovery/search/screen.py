@@ -67,15 +67,10 @@ def _scores(
     free: np.ndarray,
     layout: Layout,
 ) -> dict[Term, Score]:
-    """Scores of one state, with nuisance parameters projected out one after the other: the drivers' own parameters, the
-    population means of cars and of trucks, and the parameters of added effects (Schur complements).
-
-    Args:
-        state: A solved state.
-        sums: Sums of `sensitivity.sensitivity_sums` over each driver.
-        groups: Number of the block in `sums`, and indices among all directions of theta, of each candidate.
-        free: Indices of theta of the added effects.
-        layout: Layout of theta.
+    """Scores of one solved state, with nuisance parameters projected out one after the other: the drivers' own
+    parameters, the population means of cars and of trucks, and the parameters of added effects, at the indices `free`
+    of theta (Schur complements). `groups` are, for each candidate, the number of the block in `sums` and the indices
+    among all directions of theta.
     """
     n_kept, n_own = len(free), layout.prior.size
     variances = state.variances
@@ -130,13 +125,8 @@ def evidences(state: FitState, scores: dict[Term, Score], layout: Layout) -> dic
 def least_strength(
     information: Float[np.ndarray, "directions directions"], scale: Float[np.ndarray, " directions"], evidence: float
 ) -> float:
-    """Strength along the first direction at which the expected score gives this evidence; inf if the data contain no
-    information on it.
-
-    Args:
-        information: Information on the directions.
-        scale: Scale of the prior of each direction.
-        evidence: The evidence, as of `evidences`.
+    """Strength along the first direction at which the expected score gives this evidence, as of `evidences`; inf if the
+    data contain no information on it. `scale` is that of the prior of each direction.
     """
     strengths = []
     for width in PRIOR_WIDTHS:

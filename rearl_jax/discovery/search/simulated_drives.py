@@ -74,15 +74,8 @@ def behind_noisy_drive(
 def simulate_again(
     solver: Solver, state: FitState, noise: Noise, rng: np.random.Generator, *, with_others: bool = True
 ) -> FitState:
-    """The state with simulated drives: its model behind the same leaders, measured again with errors. The model that is
-    fitted to them has a constant time gap.
-
-    Args:
-        solver: Solver of the car-following model.
-        state: State of the calibrated model.
-        noise: Noise of drivers and measurements.
-        rng: Generator of the noise.
-        with_others: Whether other vehicles are measured again with errors too.
+    """The calibrated state with simulated drives: its model behind the same leaders, measured again with errors, as
+    other vehicles are if `with_others`. The model that is fitted to them has a constant time gap.
     """
     driven = state.data.y - behind_noisy_drive(solver, state, noise, rng)
     errors = position_errors(noise, driven.shape, state.data.dt, rng)
@@ -221,15 +214,9 @@ def noise_alone(
     seed: int,
     varied: Callable[[np.random.Generator], Float[np.ndarray, "steps pieces"] | None] = lambda _: None,
 ) -> Iterator[list[FitState]]:
-    """Simulated drives of a calibrated state without missing effects, calibrated again in batches.
-
-    Args:
-        solver: Solver of the car-following model.
-        state: State of the calibrated model.
-        noise: Noise of drivers and measurements as fitted.
-        replicates: Number of simulated data sets.
-        seed: Seed of the noise.
-        varied: Draws the logarithm of each driver's time gap over its mean one; by default the time gap is constant.
+    """Data sets of simulated drives of a calibrated state without missing effects, with the noise as fitted, calibrated
+    again in batches. `varied` draws the logarithm of each driver's time gap over its mean one; by default the time gap
+    is constant.
     """
     group = max(1, AT_ONCE // max(1, len(state.data.driver)))
     noise = matched_noise(solver, state, noise, np.random.default_rng([seed, replicates]))

@@ -1,4 +1,5 @@
-"""Simulations of the check drivers with a candidate; they must agree with the evidence from one-step predictions.
+"""Simulations of the check drivers with candidates: they must agree with the evidence from one-step predictions, and
+added effects must not make them worse.
 
 Noise that differs from the observer's assumptions can look like an effect in one-step predictions. A simulation
 accumulates the influence of an effect over time.
@@ -18,6 +19,7 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.resampling import resamples
 from rearl_jax.discovery.search.decision import Trial, bounded_gains
+from rearl_jax.discovery.search.outcome import Search, is_free
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 DRAWS = 1000
@@ -61,6 +63,31 @@ def simulated_gains(
     return bounded_gains(gains, data)
 
 
+def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
+    """The search without those additions that make the closed-loop gap error of the check drivers larger.
+
+    Additions are removed from the last one backwards. A free curve (effect without a name) after the first addition may
+    only fit the remainder of earlier additions, so it is removed if it increases the error in more than half of the
+    resamples of drivers. Then any addition is removed as long as the error is significantly larger than with none.
+    """
+    if not outcome.added:
+        return outcome
+    fits = [outcome.first, *(trial.fit for trial in outcome.added)]
+    errors = gap_errors(solver, [recalibrated(solver, outcome.checked, fit) for fit in fits])
+    kept = len(outcome.added)
+    while (
+        kept > 1 and is_free(outcome.added[kept - 1]) and share_worse(errors[kept - 1], errors[kept], seed=seed) > 0.5
+    ):
+        kept -= 1
+    while kept and share_worse(errors[0], errors[kept], THRESHOLDS.borne_growth, seed) >= THRESHOLDS.rejection_share:
+        kept -= 1
+    if kept == len(outcome.added):
+        return outcome
+    last = outcome.rounds[kept]
+    rounds = [*outcome.rounds[:kept], replace(last, accepted=[], dropped=last.accepted)]
+    return replace(outcome, rounds=rounds, rejected=[*outcome.rejected, *outcome.added[kept:]])
+
+
 def is_contradicted(gains: Float[np.ndarray, " drivers"], tolerated: Float[np.ndarray, " drivers"]) -> bool:
     """True if simulations lose more than the tolerated amount [nats] in most resamples of drivers.
 
@@ -70,14 +97,10 @@ def is_contradicted(gains: Float[np.ndarray, " drivers"], tolerated: Float[np.nd
 
 
 def makes_simulations_worse(solver: Solver, before: FitState, after: FitState) -> bool:
-    """True if a corrected artefact more likely increases than reduces the closed-loop gap error of drivers.
+    """True if a corrected artefact more likely increases than reduces the closed-loop gap error of drivers: `before`
+    are the drivers as measured, under the model without the artefact, `after` the same with it corrected.
 
     One-step predictions may mistake other irregularities for an artefact; a simulation does not.
-
-    Args:
-        solver: Solver of the car-following model.
-        before: The drivers as measured, under the model without the artefact.
-        after: The same drivers with the artefact corrected.
     """
     first, second = gap_errors(solver, [before, after])
     return share_worse(first, second) >= 0.5
@@ -87,8 +110,7 @@ def is_wrong_lens(solver: Solver, base: Fit, trial: Trial | None, checked: Measu
     """True if a trial corrects a camera distortion and makes simulations of the check drivers worse than `base`."""
     if trial is None or trial.candidate.term != LENS:
         return False
-    (before,) = recalibrated(solver, checked, [base])
-    return makes_simulations_worse(solver, before, trial.other)
+    return makes_simulations_worse(solver, recalibrated(solver, checked, base), trial.other)
 
 
 def share_worse(

@@ -16,10 +16,9 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.observe.autocorrelation import autocovariances
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.residuals import smoothed_acceleration
+from rearl_jax.discovery.observe.residuals import autocovariances, smoothed_acceleration
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation
 from rearl_jax.discovery.search.simulated_drives import noise_alone
@@ -38,14 +37,9 @@ REPLICATES = 2
 
 
 def slow_variation(solver: Solver, state: FitState, noise: Noise, seed: int) -> TimeGapVariation:
-    """Variation of the time gap with which simulated drives have the measured autocovariance of the acceleration
-    residual, beside the fitted acceleration noise; a constant time gap if no variation makes them more similar.
-
-    Args:
-        solver: Solver of the car-following model.
-        state: State of the calibrated model.
-        noise: Noise of drivers and measurements as fitted.
-        seed: Seed of the simulations.
+    """Variation of the time gap with which simulated drives of the calibrated model have the measured autocovariance of
+    the acceleration residual, beside the fitted acceleration noise; a constant time gap if no variation makes them more
+    similar.
     """
     prior = solver.layout.prior
     measured = _autocovariances(solver, state, noise)

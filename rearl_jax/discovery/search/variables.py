@@ -43,12 +43,7 @@ parameters take up their influence.
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable with its values in every time step.
-
-    Attributes:
-        name: A key of UNITS.
-        values: Values in the unit of the variable.
-    """
+    """A variable, one of UNITS, with its value in every time step, in its unit."""
 
     name: str
     values: Float[np.ndarray, "steps pieces"]

@@ -17,6 +17,14 @@ def chosen(gains, errors=()):
     return choice_of(every, [*errors, *({} for _ in range(len(every) - len(errors)))], seed=1)
 
 
+def errors_of(**factors):
+    """Errors of models: by protocol, the factor of each model."""
+    return [
+        {name: factor * ERROR for name, factor in zip(factors, of_model, strict=True)}
+        for of_model in zip(*factors.values(), strict=True)
+    ]
+
+
 def scattered(mean, seed=0):
     """Gains of the drivers that differ by more than their mean, which is exact."""
     away = 2.0 * np.random.default_rng(seed).normal(size=N)
@@ -47,7 +55,7 @@ def test_the_most_likely_of_those_that_surely_are_better_is_chosen_and_how_sure_
 @pytest.mark.parametrize("protocol", ["population", "first_half", "other_runs", "in_sample"])
 @pytest.mark.parametrize(("factor", "is_vetoed"), [(1.2, True), (1.04, False), (0.9, False)])
 def test_simulations_speak_against_a_model_that_predicts_surely_worse_gaps(protocol, factor, is_vetoed):
-    found = chosen([np.full(N, 3.0)], [{protocol: ERROR}, {protocol: factor * ERROR}])
+    found = chosen([np.full(N, 3.0)], errors_of(**{protocol: (1.0, factor)}))
     is_vetoed = is_vetoed and protocol != "in_sample"  # which predicts nothing
     assert (1 in found.vetoed) == is_vetoed
     assert found.chosen == (0 if is_vetoed else 1)
@@ -67,19 +75,14 @@ def test_simulations_seldom_reject_one_of_five_equal_models_by_chance():
 
 
 def test_the_next_one_is_chosen_where_the_most_likely_simulates_worse():
-    errors = [{"population": ERROR}, {"population": 1.3 * ERROR}, {"population": 0.8 * ERROR}]
-    found = chosen([np.full(N, 5.0), np.full(N, 3.0)], errors)
+    found = chosen([np.full(N, 5.0), np.full(N, 3.0)], errors_of(population=(1.0, 1.3, 0.8)))
     assert found.vetoed >= {1}
     assert found.chosen == 2
 
 
 @pytest.mark.parametrize(("first_half", "expected"), [(1.1, 1), (1.6, 0)])
 def test_where_simulations_speak_against_the_first_too_the_better_in_the_mean_follows(first_half, expected):
-    errors = [
-        {"population": ERROR, "first_half": ERROR},
-        {"population": 0.8 * ERROR, "first_half": first_half * ERROR},
-    ]
-    found = chosen([np.full(N, 5.0)], errors)
+    found = chosen([np.full(N, 5.0)], errors_of(population=(1.0, 0.8), first_half=(1.0, first_half)))
     assert found.vetoed == {0, 1}
     assert found.chosen == expected
 
@@ -91,18 +94,14 @@ def test_a_model_is_beaten_only_where_another_surely_is_more_likely():
 
 @pytest.mark.parametrize(("mean", "expected"), [(0.0, 1), (-0.2, 1), (-2.0, 0)])
 def test_a_model_that_simulations_reject_gives_way_to_one_as_likely_that_they_do_not_reject(mean, expected):
-    found = chosen([scattered(mean)], [{"population": 1.3 * ERROR}, {"population": ERROR}])
+    found = chosen([scattered(mean)], errors_of(population=(1.3, 1.0)))
     assert found.vetoed == {0}
     assert found.chosen == expected
 
 
 @pytest.mark.parametrize(("first_half", "expected"), [(1.0, 1), (0.9, 1), (1.02, 0)])
 def test_one_that_is_only_as_likely_predicts_no_worse_under_any_protocol(first_half, expected):
-    errors = [
-        {"population": 1.3 * ERROR, "first_half": ERROR},
-        {"population": ERROR, "first_half": first_half * ERROR},
-    ]
-    found = chosen([scattered(0.2)], errors)
+    found = chosen([scattered(0.2)], errors_of(population=(1.3, 1.0), first_half=(1.0, first_half)))
     assert found.vetoed == {0}
     assert found.chosen == expected
 
@@ -120,11 +119,7 @@ def test_one_that_probably_predicts_worse_must_be_more_likely_beyond_doubt(mean,
 
 @pytest.mark.parametrize(("first_half", "expected"), [(1.05, 1), (1.6, 0)])
 def test_one_that_is_worse_in_one_protocol_replaces_the_first_if_that_is_rejected_in_another(first_half, expected):
-    errors = [
-        {"population": 1.4 * ERROR, "first_half": ERROR},
-        {"population": ERROR, "first_half": first_half * ERROR},
-    ]
-    found = chosen([scattered(1.0)], errors)
+    found = chosen([scattered(1.0)], errors_of(population=(1.4, 1.0), first_half=(1.0, first_half)))
     assert 0 in found.vetoed
     assert 0 in found.worse_than[1]
     assert found.chosen == expected
@@ -135,7 +130,7 @@ def test_one_that_is_worse_in_one_protocol_replaces_the_first_if_that_is_rejecte
     [((1.0, 1.3, 1.0), {1}), ((1.3, 1.2, 1.0), set()), ((1.2, 1.3, 1.0), {1}), ((1.0, 1.0, 1.0), set())],
 )
 def test_a_vetoed_model_replaces_only_one_that_is_vetoed_and_predicts_worse(factors, denied):
-    found = replace(chosen([np.zeros(N)] * 2, [{"population": factor * ERROR} for factor in factors]), chosen=0)
+    found = replace(chosen([np.zeros(N)] * 2, errors_of(population=factors)), chosen=0)
     assert {other for other in (1, 2) if found.denies(other)} == denied
 
 

@@ -10,7 +10,7 @@ from rearl_jax.config import DataConfig, DiscoverConfig, DiscoverTask, ResultsCo
 from rearl_jax.config.data import DataFormat
 from rearl_jax.config.driver import record_of
 from rearl_jax.discovery.comparison import comparison as module
-from rearl_jax.discovery.comparison.compared import MOST_FITTED, some_of
+from rearl_jax.discovery.comparison.compared import MOST_FITTED
 from rearl_jax.discovery.comparison.comparison import BASE_TABLE, base_block, comparison_of
 from rearl_jax.discovery.comparison.dependence import (
     better_model,
@@ -30,8 +30,7 @@ from rearl_jax.discovery.read.reading import measure
 from rearl_jax.discovery.read.split import split_drivers
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.outcome import Search
-from rearl_jax.discovery.search.round import Round
+from rearl_jax.discovery.search.outcome import Round, Search
 from rearl_jax.discovery.search.simulated_drives import simulate_again
 from rearl_jax.results import Study
 
@@ -115,8 +114,8 @@ def test_a_killed_run_makes_the_same_choice_without_comparing_again(compared, mo
 
 def test_of_many_drivers_some_are_calibrated(driven_by):
     data = driven_by("idm").fitted
-    assert some_of(data, MOST_FITTED, 0) is data
-    few = some_of(data, 2, 0)
+    assert data.sample(MOST_FITTED, 0) is data
+    few = data.sample(2, 0)
     assert few.n_drivers == 2 < data.n_drivers
 
 

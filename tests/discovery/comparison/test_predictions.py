@@ -39,7 +39,7 @@ def no_null(*_):
 
 def told(monkeypatch, errors):
     """Makes the mean gap error of each model the one in `errors` of its last added candidate [m]."""
-    monkeypatch.setattr(predictions, "recalibrated", lambda solver, data, fits: [fit.state for fit in fits])
+    monkeypatch.setattr(predictions, "recalibrated", lambda solver, data, fit: fit.state)
 
     def predicted(solver, state, fit, **_):
         name = "" if fit.candidate is None else fit.candidate.term.effect
@@ -138,7 +138,7 @@ def test_of_use_is_what_surely_predicts_better_and_nowhere_worse():
 )
 def test_the_start_of_a_drive_is_used_as_far_as_it_predicts_others(solver, calibrated, monkeypatch, with_start, kept):
     found = search_that_added(solver, calibrated)
-    monkeypatch.setattr(predictions, "recalibrated", lambda solver, data, fits: [fit.state for fit in fits])
+    monkeypatch.setattr(predictions, "recalibrated", lambda solver, data, fit: fit.state)
 
     class Variations:
         def __init__(self, *_):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from rearl_jax.discovery.compute import grouped
 from rearl_jax.discovery.groups import kinds
-from rearl_jax.discovery.groups.group import grouped
 from rearl_jax.discovery.groups.mixture import DriverLikelihoods, drawn_from, one_group, split_further
 
 SIZE = 4
@@ -104,6 +104,6 @@ def test_purity_is_measured_against_chance():
 def test_groups_too_small_are_left_out(measured_of):
     data = measured_of()
     names = ["many"] * 9 + ["few"] * 2 + [None]
-    found = grouped(data, names)
-    assert [(group.name, group.data.n_drivers) for group in found.groups] == [("many", 9)]
-    assert found.left_out == {"few": 2, "unknown": 1}
+    groups, left_out = grouped(data, names)
+    assert {name: members.n_drivers for name, members in groups.items()} == {"many": 9}
+    assert left_out == {"few": 2, "unknown": 1}

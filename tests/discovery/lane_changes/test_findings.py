@@ -38,8 +38,8 @@ def test_keep_right_is_named_with_its_strength(lane_findings):
     assert bias.high is not None
     assert bias.low < bias.value < bias.high
     assert bias.value == pytest.approx(0.35, rel=0.25)
-    assert found.loss_change is not None
-    assert found.loss_change.value < 0
+    assert found.loss is not None
+    assert found.loss.change.value < 0
 
 
 def test_parts_of_a_verdict_are_plain_and_complete(lane_findings):
@@ -62,8 +62,8 @@ def test_nothing_is_named_in_a_control(recordings_of):
     found = lane_change_findings(recordings_of(None, **{**FREE_CHANGES, "n_vehicles": 150, "duration": 75.0}))
     assert found.n_changes >= 150
     assert found.effects == ()
-    assert found.loss_change is not None
-    assert found.loss_change.value == 0.0
+    assert found.loss is not None
+    assert found.loss.change.value == 0.0
 
 
 def test_too_few_changes_are_said(recordings_of):

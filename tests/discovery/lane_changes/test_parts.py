@@ -57,7 +57,7 @@ def test_a_loss_that_is_the_same_at_every_opportunity_has_no_interval(monkeypatc
 
     monkeypatch.setattr(columns, "fitted", fitted)
     added = [Trial(NAMEABLE[0], NAMEABLE[0].forms[0], 5.0, 9.0, 9.0, True)]
-    before, after, change = selection._loss(columns, added, 0.9)
-    assert np.allclose((before, after), (0.1, 0.08))
-    assert isinstance(change, Estimate)
-    assert np.allclose((change.value, change.low, change.high), -0.02)
+    loss = selection._loss(columns, added, 0.9)
+    assert np.allclose((loss.before, loss.after), (0.1, 0.08))
+    assert isinstance(loss.change, Estimate)
+    assert np.allclose((loss.change.value, loss.change.low, loss.change.high), -0.02)

@@ -34,8 +34,7 @@ def test_clocks_are_put_right(solver, calibrated, chains):
     found = correct_shifts(solver, account, base)
     assert found.gain > 5
     leaders = main_leaders(data)
-    own = np.zeros(data.n_drivers, int)
-    own[data.driver] = data.vehicle
+    own = data.driver_values(data.vehicle)
     place = {int(vehicle): k for k, vehicle in enumerate(account.vehicle)}
     pairs = [(place[int(own[k])], place[int(one)]) for k, names in enumerate(leaders) for one in names if one >= 0]
     ahead, seen = (

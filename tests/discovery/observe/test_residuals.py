@@ -5,11 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rearl_jax.blind.traffic.dataset import write_dataset
-from rearl_jax.blind.traffic.scenario import Scenario
-from rearl_jax.config.data import DataConfig, DataFormat
-from rearl_jax.data.recordings import iterate_recordings
-from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import new_state, replace_gain
 from rearl_jax.discovery.observe.forcing import (
     DriverScores,
@@ -23,13 +18,11 @@ from rearl_jax.discovery.observe.observer import pieces_of
 from rearl_jax.discovery.observe.residuals import residuals_of, smoothed_acceleration
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.measured import is_new
-from rearl_jax.discovery.read.reading import measure
-from rearl_jax.discovery.read.smoothing import thinned
 from rearl_jax.discovery.report.figures import stretches
 from rearl_jax.discovery.report.presentation import residual_table
 from rearl_jax.discovery.report.protocols import speed_deviation
 from rearl_jax.discovery.search.atlas import grid_of, part_scores
-from rearl_jax.discovery.search.finder import Group, stability_selection
+from rearl_jax.discovery.search.finder import Group, forward_selection, stability_selection
 from rearl_jax.discovery.search.maps import curve_of
 from rearl_jax.discovery.search.shapes import shape_of, shape_words
 from rearl_jax.discovery.search.simulated_drives import driver_noise, position_errors
@@ -41,11 +34,8 @@ SLOPE = 0.6
 
 
 @pytest.fixture(scope="module")
-def solver_and_world(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("traffic")
-    write_dataset(folder, Scenario(5, n_recordings=1, n_vehicles=18, duration=30.0, lane_changes=2))
-    recordings = iterate_recordings(DataConfig(format=DataFormat.table, root=str(folder)))
-    data = measure([thinned(recording) for recording in recordings])
+def solver_and_world(measured_of):
+    data = measured_of(seed=5, n_recordings=1, n_vehicles=18, duration=30.0, lane_changes=2)
     solver = solver_of(data)
     return solver, new_state(data, solver.layout, NOISE)
 
@@ -66,14 +56,14 @@ def planted(solver_and_world):
     solver, state = solver_and_world
     noise = driver_noise(NOISE, state.data.y.shape, state.data.dt, np.random.default_rng(2))
     made = driven(solver, state, noise + SLOPE * state.data.surroundings.lateral_offset)
-    return solver, residuals_of(solver, [made], [Fit(None, made, NOISE)])[0]
+    return solver, residuals_of(solver, made, NOISE)
 
 
 def test_felt_is_what_the_observer_makes_of_an_acceleration(solver_and_world):
     solver, state = solver_and_world
     push = 0.05 * np.cos(np.arange(state.data.y.shape[0])[:, None] * state.data.dt + np.arange(state.data.y.shape[1]))
     pushed = replace(state, pieces=replace(state.pieces, known=push))
-    left = residuals_of(solver, [state], [Fit(None, state, NOISE)])[0]
+    left = residuals_of(solver, state, NOISE)
     change = solver.innovations([pushed])[0] - left.innovation
     predicted = innovation_change(push[None], left, acceleration_derivatives(left))[0]
     used = state.data.weight > 0
@@ -85,7 +75,7 @@ def test_a_driver_is_where_it_drives_not_where_lasting_errors_put_it(solver_and_
     solver, state = solver_and_world
     noise, data = Noise(0.15, 1.5, 0.02, lasting=0.2, lasting_time=0.6), state.data
     made = driven(solver, state, driver_noise(noise, data.y.shape, data.dt, np.random.default_rng(2)), noise)
-    left = residuals_of(solver, [made], [Fit(None, made, noise)])[0]
+    left = residuals_of(solver, made, noise)
     true = made.data.y - position_errors(noise, data.y.shape, data.dt, np.random.default_rng(3))
     used = (data.weight > 0)[:-1]
     speed_error = (left.v[:-1] - np.diff(true, axis=0) / data.dt)[used]
@@ -119,8 +109,11 @@ def test_map_shows_the_planted_dependence_with_its_size(planted):
 def test_finder_selects_the_planted_variable_and_none_beside_it(planted):
     _, left = planted
     grid = grid_of(left)
-    found = stability_selection(part_scores(left, grid).curves, grid.groups(), 0)
-    assert (found[0].variable, found[0].acts_on) == ("lateral_offset", "acceleration")
+    scores, groups = part_scores(left, grid).curves, grid.groups()
+    found = stability_selection(scores, groups, 0)
+    (first, *_) = forward_selection(scores, np.arange(len(scores.score)), groups)
+    assert (first.variable, first.acts_on) == ("lateral_offset", "acceleration")
+    assert found[0].variable == "lateral_offset"
     assert found[0].frequency > 0.9
     assert all(one.frequency < 0.5 for one in found[1:])
 
@@ -130,7 +123,7 @@ def test_nothing_that_drivers_react_to_knows_their_future(planted):
     data, cut = left.state.data, len(left.state.data.y) // 2
     later = replace(data, y=data.y + 5.0 * (np.arange(len(data.y)) > cut)[:, None])
     state = replace(left.state, data=later, pieces=replace(left.state.pieces, y=later.y))
-    moved = residuals_of(solver, [state], [Fit(None, state, NOISE)])[0]
+    moved = residuals_of(solver, state, NOISE)
     after = variables_of(moved)
     for name, before in variables_of(left).items():
         # The step that ends with the first moved time step has been predicted before it.
@@ -217,7 +210,7 @@ def noisy_votes(rng, n_drivers=40, n_groups=12, size=5, n=200, planted=None):
         gram.append(w @ w.T)
         score.append(w @ y)
         square.append(y @ y)
-    groups = [Group(f"g{k}", "acceleration", np.arange(k * size, (k + 1) * size), 0.3) for k in range(n_groups)]
+    groups = [Group(f"g{k}", "acceleration", np.arange(k * size, (k + 1) * size)) for k in range(n_groups)]
     return DriverScores(np.array(gram), np.array(score), np.array(square), 1.0), groups
 
 

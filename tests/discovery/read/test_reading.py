@@ -105,9 +105,9 @@ def test_a_cut_in_is_remembered(measured_of):
 
 def test_parts_share_no_driver(tables_of):
     together = reading.measure(tables_of())
-    parts = split_drivers(together, (1 / 3, 1 / 3, 1 / 3), 0)
+    parts = split_drivers(together)
     assert [len(np.unique(part.recording)) for part in parts] == [1, 1, 1]
-    alone = split_drivers(reading.measure(tables_of()[:1]), (0.4, 0.3, 0.3), 0)
+    alone = split_drivers(reading.measure(tables_of()[:1]))
     vehicles = [set(part.vehicle.tolist()) for part in alone]
     assert sum(len(one) for one in vehicles) == 12 == len(set.union(*vehicles))
     assert min(len(one) for one in vehicles) >= 3

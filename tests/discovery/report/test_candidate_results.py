@@ -8,9 +8,9 @@ import pytest
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.report.candidate_results import RESULTS, result_of
 from rearl_jax.discovery.search.decision import Trial
-from rearl_jax.discovery.search.round import is_significant
+from rearl_jax.discovery.search.outcome import is_significant
 from rearl_jax.discovery.thresholds import THRESHOLDS
-from tests.discovery.search.searches import search_that_added
+from tests.discovery.search.searches import fitted_at, search_that_added
 
 DELAY, GRADE, GAIN = Term("reaction_delay"), Term("grade"), Term("approach_rate_gain")
 LIMIT = Term("speed_limit")
@@ -25,26 +25,24 @@ def found(solver, calibrated):
     return replace(outcome, rounds=[first, *outcome.rounds[1:]])
 
 
-def on_section(layout, state, term: Term, share: float):
-    """Parameters with the section of the candidate on the last share of the measured road."""
+def on_section(layout, trial: Trial, share: float) -> Trial:
+    """The trial of a grade on the last share of the measured road."""
+    state = trial.fit.state
     first, last = state.data.y.min(), state.data.y.max()
-    start = last - share * (last - first)
-    return layout.with_values(state.theta, {f"{term.effect}.start": start, f"{term.effect}.end": last + 100.0})
+    section = {"grade.start": last - share * (last - first), "grade.end": last + 100.0}
+    return fitted_at(trial, layout.with_values(state.theta, section)[list(trial.candidate.free)])
 
 
 def with_trial(found, term: Term, gain: float, check: float, exceeding: bool = True):
     """The search after a trial of a candidate was not accepted in the first round."""
-    first = found.rounds[0]
-    n = len(first.base.state.z)
-    state = first.base.state
-    if term == DELAY:
-        theta = state.theta.copy()
-        theta[list(found.layout.candidates[term].free)] = 1.0
-        state = replace(state, theta=theta)
-    elif term in (GRADE, LIMIT):
-        state = replace(state, theta=on_section(found.layout, state, term, 0.5))
+    first, state = found.rounds[0], found.first.state
+    n = len(state.z)
     fitted, checked = np.full(n, gain / n), np.full(n, check / n)
-    trial = Trial(found.layout.candidates[term], replace(first.base, state=state), fitted, checked, state, 0.0)
+    trial = Trial(found.layout.candidates[term], first.base, fitted, checked, state, 0.0)
+    if term == DELAY:
+        trial = fitted_at(trial, 1.0)
+    elif term == GRADE:
+        trial = on_section(found.layout, trial, 0.5)
     terms = first.exceeding | {term} if exceeding else first.exceeding - {term}
     changed = replace(first, trials=[*first.trials, trial], exceeding=frozenset(terms))
     return replace(found, rounds=[changed, *found.rounds[1:]]), trial
@@ -87,20 +85,16 @@ def test_the_test_that_a_fitted_candidate_failed(found, gain, check, exceeding, 
 def test_a_delay_within_the_time_step_is_of_the_numerics(found):
     searched, trial = with_trial(found, DELAY, 30.0, 30.0)
     assert result_of(searched, DELAY) == "surpassed"
-    short = trial.fit.state.theta.copy()
-    short[list(trial.candidate.free)] = 0.01
-    fit = replace(trial.fit, state=replace(trial.fit.state, theta=short))
-    first = replace(searched.rounds[0], trials=[replace(trial, fit=fit)])
+    first = replace(searched.rounds[0], trials=[fitted_at(trial, 0.01)])
     assert result_of(replace(searched, rounds=[first]), DELAY) == "of_numerics"
 
 
 @pytest.mark.parametrize(("share", "said"), [(0.9, "surpassed"), (1.1, "everywhere")])
 def test_a_section_without_an_end_in_the_data_is_a_property_of_the_drivers(found, share, said):
     searched, trial = with_trial(found, GRADE, 30.0, 30.0)
-    theta = on_section(found.layout, trial.fit.state, GRADE, share)
-    fit = replace(trial.fit, state=replace(trial.fit.state, theta=theta))
-    assert is_significant(replace(trial, fit=fit), {GRADE}) == (said == "surpassed")
-    first = replace(searched.rounds[0], trials=[replace(trial, fit=fit)])
+    trial = on_section(found.layout, trial, share)
+    assert is_significant(trial, {GRADE}) == (said == "surpassed")
+    first = replace(searched.rounds[0], trials=[trial])
     assert result_of(replace(searched, rounds=[first]), GRADE) == said
 
 
@@ -108,10 +102,7 @@ def test_a_section_without_an_end_in_the_data_is_a_property_of_the_drivers(found
 def test_who_accelerates_at_once_as_hard_as_the_leader_shares_its_error(found, gain, said):
     term = Term("leader_acceleration")
     searched, trial = with_trial(found, term, 30.0, 30.0)
-    theta = trial.fit.state.theta.copy()
-    theta[trial.candidate.free[0]] = gain
-    fit = replace(trial.fit, state=replace(trial.fit.state, theta=theta))
-    first = replace(searched.rounds[0], trials=[replace(trial, fit=fit)])
+    first = replace(searched.rounds[0], trials=[fitted_at(trial, gain)])
     assert result_of(replace(searched, rounds=[first]), term) == said
 
 

@@ -31,7 +31,7 @@ def atlas() -> Atlas:
     basis = Basis(Variable("gap", np.zeros((2, 1))), np.array([1.0, 2.0, 3.0]), np.full(3, 1 / 3))
     value = np.array([-0.1, 0.0, 0.1])
     curve = Curve(basis, value, value - 0.05, value + 0.05, "acceleration", 0.3, 12.0)
-    return Atlas({"gap": curve}, {}, [Selected("gap", "acceleration", 1.0, 1.0)], {"gap": "rises by 0.20 m/s^2"})
+    return Atlas({"gap": curve}, {}, [Selected("gap", 1.0, 1.0)], {"gap": "rises by 0.20 m/s^2"})
 
 
 def document(atlases=None, **changes):
@@ -121,7 +121,7 @@ def test_the_choice_of_the_lane_has_a_table_of_its_own():
 
 def test_the_page_says_what_the_residual_depends_on_before_and_after():
     seen, title = atlas(), "What the model leaves unexplained"
-    repaired = replace(seen, selected=[Selected("gap", "acceleration", 0.1, 0.1)])
+    repaired = replace(seen, selected=[Selected("gap", 0.1, 0.1)])
     assert folded(title).paragraphs[1].endswith("finds a dependence on gap.")
     both = folded(title, atlases={"before": seen, "after": repaired})
     assert both.paragraphs[1].endswith("finds a dependence on gap. After the repair it finds nothing.")
@@ -137,7 +137,7 @@ def test_the_largest_share_is_told_even_if_another_variable_gains_more():
     both = replace(
         seen,
         curves=seen.curves | {"speed": replace(speed, share=0.4, gain=2.0)},
-        selected=[*seen.selected, Selected("speed", "acceleration", 0.0, 0.0)],
+        selected=[*seen.selected, Selected("speed", 0.0, 0.0)],
         shapes=seen.shapes | {"speed": "does not change"},
     )
     told = folded("What the model leaves unexplained", atlases={"before": both}).paragraphs[2]

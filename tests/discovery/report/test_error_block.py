@@ -137,7 +137,7 @@ def test_the_table_has_every_driver_under_every_protocol():
 
 def test_drives_of_the_right_model_are_about_as_far_off_as_their_own_noise_makes_them(solver, calibrated, measured_of):
     state, noise = calibrated
-    found = model_errors(solver, measured_of(), {"before": Fit(None, state, noise)}, 0)
-    error = found["before"].by_driver["gap_rmse"]
+    found = model_errors(solver, measured_of(), Fit(None, state, noise), 0)
+    error = found.by_driver["gap_rmse"]
     # The middle one: some change lanes, of which this model knows nothing.
-    assert 0.75 < np.median(found["before"].floor / error) < 1.3
+    assert 0.75 < np.median(found.floor / error) < 1.3

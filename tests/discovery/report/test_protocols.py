@@ -17,7 +17,7 @@ def fit(calibrated):
 
 @pytest.fixture(scope="module")
 def state(solver, fit, measured_of):
-    return recalibrated(solver, measured_of(), [fit])[0]
+    return recalibrated(solver, measured_of(), fit)
 
 
 def errors(solver, state, fit, runs=()):

@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 
 from rearl_jax.config import DiscoverConfig
-from rearl_jax.discovery.observe.candidates import Term
-from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import with_noise
 from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.observe.residuals import residuals_of
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.search.adequacy import (
-    Adequacy,
     by_noise_alone,
     misjudgement,
     neighbour_autocorrelation,
@@ -22,12 +19,12 @@ from rearl_jax.discovery.search.adequacy import (
 )
 from rearl_jax.discovery.search.simulated_drives import noise_alone
 from rearl_jax.discovery.thresholds import THRESHOLDS
+from tests.discovery.search.searches import ADEQUATE
 
 
 def growth_in(data, solver, calibrated):
     state, noise = calibrated
-    fit = Fit(None, state, noise)
-    parts, chance = residuals_of(solver, [state], [fit]), by_noise_alone(solver, [state], fit, 7)
+    parts, chance = [residuals_of(solver, state, noise)], by_noise_alone(solver, [state], noise, 7)
     assert np.abs(parts[0].acceleration).max() > 0.01, "drivers did nothing beside the model"
     return misjudgement(parts, chance), staleness(parts, chance)
 
@@ -48,9 +45,8 @@ def test_every_driver_has_a_vote_whichever_part_they_are_in(measured_of):
     data = measured_of("action_points")
     solver = solver_of(data)
     state, noise = calibrate(solver, data)
-    fit = Fit(None, state, noise)
-    (left,) = residuals_of(solver, [state], [fit])
-    chance = [again for (again,) in by_noise_alone(solver, [state], fit, 7)]
+    left = residuals_of(solver, state, noise)
+    chance = [again for (again,) in by_noise_alone(solver, [state], noise, 7)]
     for ask in (misjudgement, staleness):
         alone = ask([left], [[again] for again in chance])
         assert alone != 0.0
@@ -64,9 +60,8 @@ def test_restless_drivers_are_not_taken_for_late_ones(solver, calibrated):
     (again,) = next(noise_alone(solver, state, restless, 1, 3))
     again = with_noise(again, restless)
     solver.solve([again])
-    fit = Fit(None, again, restless)
-    (left,) = residuals_of(solver, [again], [fit])
-    chance = [parts for seed in (7, 8) for parts in by_noise_alone(solver, [again], fit, seed)]
+    left = residuals_of(solver, again, restless)
+    chance = [parts for seed in (7, 8) for parts in by_noise_alone(solver, [again], restless, seed)]
     silent = [[replace(left, acceleration=np.zeros_like(left.acceleration))]]
     by_chance = [staleness(parts, silent) for parts in chance]
     assert np.mean(by_chance) > 3 * np.std(by_chance) / np.sqrt(len(by_chance))
@@ -80,9 +75,8 @@ def test_the_right_model_of_smoothed_drives_leaves_correlated_innovations(record
     assert data.smoothing > 0.2
     solver = solver_of(data)
     state, noise = calibrate(solver, data)
-    fit = Fit(None, state, noise)
-    measured = neighbour_autocorrelation(residuals_of(solver, [state], [fit])[0])
-    by_noise = np.mean([neighbour_autocorrelation(again) for (again,) in by_noise_alone(solver, [state], fit, 7)])
+    measured = neighbour_autocorrelation(residuals_of(solver, state, noise))
+    by_noise = np.mean([neighbour_autocorrelation(again) for (again,) in by_noise_alone(solver, [state], noise, 7)])
     assert measured > THRESHOLDS.most_autocorrelation
     assert abs(measured - by_noise) < THRESHOLDS.most_autocorrelation
 
@@ -90,15 +84,8 @@ def test_the_right_model_of_smoothed_drives_leaves_correlated_innovations(record
 def test_innovations_of_sharp_drives_are_independent(solver, many):
     state, noise = many
     solver.sums([state])
-    fit = Fit(None, state, noise)
-    for again in (residuals_of(solver, [state], [fit]), *by_noise_alone(solver, [state], fit, 7)):
+    for again in ([residuals_of(solver, state, noise)], *by_noise_alone(solver, [state], noise, 7)):
         assert abs(neighbour_autocorrelation(again[0])) < 0.5 * THRESHOLDS.most_autocorrelation
-
-
-LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "autocorrelation": 0.01,
-        "autocorrelation_by_noise": 0.0, "unequal_noise": {}, "misjudgement": -1.0, "staleness": 0.5,
-        "remaining": (Term("grade"), 1.0),
-        "driver_minutes": 70.0}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -122,4 +109,4 @@ LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "au
     ],
 )
 def test_what_is_left_is_adequate_only_if_it_is_noise(figures, expected):
-    assert Adequacy(**(LEFT | figures)).is_adequate is expected
+    assert replace(ADEQUATE, **figures).is_adequate is expected

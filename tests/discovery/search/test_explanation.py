@@ -5,26 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rearl_jax.discovery.observe.candidates import Term
-from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.explanation import Prediction, is_explained, names_more, prediction_of
-from tests.discovery.search.searches import search_that_added
+from tests.discovery.search.searches import ADEQUATE, search_that_added
 
 DELAY = ("reaction_delay", [0.4, 0.0])
 CURVE = ("dependence.speed", 0.1)
 
 
-def left(is_adequate):
-    """The remainder of a search: noise alone, or innovations that last."""
-    lasting = 0.0 if is_adequate else 0.5
-    return Adequacy(0.0, 0.1, 0.0, lasting, 0.0, {}, 0.0, 0.0, (Term("reaction_delay"), 0.0), 10.0)
+INADEQUATE = replace(ADEQUATE, autocorrelation=0.5)
 
 
 def test_names_and_nothing_account_for_drivers_where_noise_alone_is_left(solver, calibrated):
     for added in ((), (DELAY,)):
         found = search_that_added(solver, calibrated, *added)
-        assert is_explained(found, left(is_adequate=True))
-        assert not is_explained(found, left(is_adequate=False))
+        assert is_explained(found, ADEQUATE)
+        assert not is_explained(found, INADEQUATE)
 
 
 def test_a_curve_a_doubt_or_what_was_taken_back_accounts_for_nothing(solver, calibrated):
@@ -41,7 +36,7 @@ def test_a_curve_a_doubt_or_what_was_taken_back_accounts_for_nothing(solver, cal
         replace(named, rounds=[replace(last, clock_z_score=9.0)]),
         replace(named, rounds=[replace(last, z_score={rival.candidate.term: 9.0})]),
     ):
-        assert not is_explained(found, left(is_adequate=True))
+        assert not is_explained(found, ADEQUATE)
 
 
 @pytest.mark.parametrize(
@@ -51,16 +46,16 @@ def test_names_are_preferred_where_they_predict_as_well(solver, calibrated, gain
     named, data = search_that_added(solver, calibrated, DELAY), calibrated[0].data
     n = data.n_drivers
     before, after = Prediction(np.zeros(n), np.ones(n), data), Prediction(np.full(n, gain / n), np.full(n, error), data)
-    assert names_more(before, named, left(is_adequate=True), after, 0) is expected
-    assert not names_more(before, named, left(is_adequate=False), after, 0)
+    assert names_more(before, named, ADEQUATE, after, 0) is expected
+    assert not names_more(before, named, INADEQUATE, after, 0)
     turn = named.rounds[0]
     artefact = replace(turn.accepted[0], candidate=replace(turn.accepted[0].candidate, kind="artefact"))
     distorted = replace(named, rounds=[replace(turn, accepted=[artefact]), *named.rounds[1:]])
-    assert not names_more(before, distorted, left(is_adequate=True), after, 0)
+    assert not names_more(before, distorted, ADEQUATE, after, 0)
     uneven = np.where(np.arange(n) == 0, 1.5 * n, -1.0) * np.sign(gain)
     assert (uneven.sum() > 0) == (gain > 0)
     unsure = replace(after, log_likelihood=uneven, gap_error=np.ones(n))
-    assert not names_more(before, named, left(is_adequate=True), unsure, 0), "one driver decides"
+    assert not names_more(before, named, ADEQUATE, unsure, 0), "one driver decides"
 
 
 def test_another_search_without_names_is_not_preferred(solver, calibrated):
@@ -68,4 +63,4 @@ def test_another_search_without_names_is_not_preferred(solver, calibrated):
     before, after = prediction_of(solver, nothing), prediction_of(solver, curve)
     better = replace(after, gap_error=0.5 * before.gap_error)
     for found in (nothing, curve):
-        assert not names_more(before, found, left(is_adequate=True), better, 0)
+        assert not names_more(before, found, ADEQUATE, better, 0)

@@ -18,19 +18,16 @@ from rearl_jax.discovery.lane_changes import KnownDrivers, lane_change_findings
 from rearl_jax.discovery.lane_changes.candidates import CANDIDATES
 from rearl_jax.discovery.lane_changes.findings import LaneChangeFindings
 from rearl_jax.discovery.lane_changes.opportunities import opportunities
-from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.read.reading import measure
 from rearl_jax.discovery.read.smoothing import thinned
 from rearl_jax.discovery.read.split import split_drivers
 from rearl_jax.discovery.report.repaired import lane_effect_values
 from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
-from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.outcome import Search
-from rearl_jax.discovery.search.round import Round
 from rearl_jax.models.file import read_model, write_model
 from rearl_jax.models.population import population_of_model
 from rearl_jax.models.traffic import populate
+from tests.discovery.search.searches import search_that_added
 from tests.models.drivers import model
 
 ROAD = TrafficModel(n_lanes=3, speed_limit=None)
@@ -38,28 +35,16 @@ BIAS = {"bias": Estimate(0.35, 0.3, 0.4, "m/s^2")}
 KEEP_RIGHT = Claim("keep_right", "driver", BIAS, ("side",), 0.98, 90.0)
 
 
-@pytest.fixture
-def recordings(keep_right):
-    return keep_right
-
-
-@pytest.fixture
-def found(lane_findings):
-    return lane_findings
-
-
 @pytest.fixture(scope="module")
 def search(solver, calibrated):
     """A search that has calibrated drivers and nothing more."""
-    base = Fit(None, *calibrated)
-    rounds = [Round(base, {}, {}, {}, frozenset(), [], [])]
-    return Search(solver.layout, Null({}, {}, 0), {}, base.state.data, rounds=rounds)
+    return search_that_added(solver, calibrated)
 
 
 def parts_of(recordings, *findings):
     data = measure(list(map(thinned, recordings)))
     kept = data.select(np.flatnonzero(data.driver % 20 == 0))  # few are enough, and faster
-    return Parts("id", True, (), list(findings), *split_drivers(kept, (1 / 3, 1 / 3, 1 / 3), 0), ())
+    return Parts("id", True, (), list(findings), *split_drivers(kept), ())
 
 
 def test_vehicles_have_the_numbers_that_measure_gives_them(recordings_of):
@@ -74,7 +59,7 @@ def test_vehicles_have_the_numbers_that_measure_gives_them(recordings_of):
 
 
 @pytest.mark.thorough
-def test_drivers_are_known_and_split_as_they_were_for_car_following(recordings, solver, search, monkeypatch):
+def test_drivers_are_known_and_split_as_they_were_for_car_following(keep_right, solver, search, monkeypatch):
     asked = []
 
     def record(*arguments):
@@ -82,9 +67,9 @@ def test_drivers_are_known_and_split_as_they_were_for_car_following(recordings, 
         return lane_change_findings(*arguments)
 
     monkeypatch.setattr("rearl_jax.discovery.search.lane_choice.lane_change_findings", record)
-    parts = parts_of(recordings)
+    parts = parts_of(keep_right)
     found = replace(search, checked=parts.checked)
-    lanes = lane_choice(solver, found, parts, recordings, DiscoverConfig(confidence=0.8, seed=3))
+    lanes = lane_choice(solver, found, parts, keep_right, DiscoverConfig(confidence=0.8, seed=3))
     ((_, known, split, confidence, seed),) = asked
     assert (confidence, seed) == (0.8, 3)
     for part, vehicles in zip((parts.fitted, parts.checked, parts.reported), split, strict=True):
@@ -108,18 +93,18 @@ def verdict(word, *effects):
 
 
 def lanes_with(*effects):
-    return LaneChangeFindings(effects, (), 400, 9000, 0.2, 0.1, Estimate(-0.1, -0.2, 0.0, "nats"), "some words")
+    return LaneChangeFindings(400, 9000, "some words", effects)
 
 
 @pytest.mark.thorough  # the traffic takes seconds
-def test_findings_go_behind_those_of_car_following(found):
-    whole = with_lane_choice(verdict("named", {"name": "grade"}), found)
+def test_findings_go_behind_those_of_car_following(lane_findings):
+    whole = with_lane_choice(verdict("named", {"name": "grade"}), lane_findings)
     assert whole["verdict"] == "named"
     assert [effect["name"] for effect in whole["effects"]] == ["grade", "keep_right"]
     assert [row["name"] for row in whole["candidates"]][:2] == ["grade", "keep_right"]
     assert len(whole["candidates"]) == 1 + len(CANDIDATES)
-    assert whole["data"]["notes"] == ["a note", found.words]
-    assert whole["lane_choice"]["changes"] == found.n_changes >= 150
+    assert whole["data"]["notes"] == ["a note", lane_findings.words]
+    assert whole["lane_choice"]["changes"] == lane_findings.n_changes >= 150
 
 
 @pytest.mark.parametrize(
@@ -150,8 +135,8 @@ def test_every_effect_that_can_be_found_can_be_written(candidate, tmp_path):
 
 
 @pytest.mark.slow
-def test_what_was_found_changes_the_simulation(found, tmp_path):
-    (effect,) = found.effects
+def test_what_was_found_changes_the_simulation(lane_findings, tmp_path):
+    (effect,) = lane_findings.effects
     write_model(tmp_path / "model.yaml", model(lane_effect_values(effect)))
     repaired = read_model(tmp_path / "model.yaml")
     (read,) = repaired.effects

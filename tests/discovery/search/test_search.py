@@ -17,13 +17,13 @@ from rearl_jax.discovery.observe.uncertainty import complexity_penalty, interval
 from rearl_jax.discovery.report.verdict import candidate_rows
 from rearl_jax.discovery.search import decision, families
 from rearl_jax.discovery.search.null import Null, summarise
-from rearl_jax.discovery.search.outcome import Search
-from rearl_jax.discovery.search.refit import nested
-from rearl_jax.discovery.search.round import Round
-from rearl_jax.discovery.search.screen import evidences, scores
+from rearl_jax.discovery.search.outcome import Round
+from rearl_jax.discovery.search.refit import nested, starts
+from rearl_jax.discovery.search.screen import Score, evidences, scores
 from rearl_jax.discovery.search.simulated_drives import simulate_again
 from rearl_jax.discovery.search.simulation import is_contradicted, simulated_gains
 from rearl_jax.discovery.thresholds import THRESHOLDS
+from tests.discovery.search.searches import fitted_at, round_of, search_of
 
 
 def test_standard_parameters_are_usual_drivers():
@@ -53,8 +53,7 @@ def test_what_is_planted_in_the_model_is_what_the_screen_sees(solver, calibrated
     """Drives simulated with leader acceleration, screened without it."""
     state, _ = calibrated
     layout, term = solver.layout, Term("leader_acceleration")
-    theta = layout.reference.copy()
-    theta[layout.places["leader_acceleration.gain"][0]] = 0.5
+    theta = layout.with_values(layout.reference, {"leader_acceleration.gain": 0.5})
     planted = replace(state, theta=theta, active=(term,))
     again = simulate_again(solver, planted, Noise(0.1, 1.5, 0.1), np.random.default_rng(0))
     again = replace(again, active=(), theta=layout.reference.copy(), z=state.z.copy(), mean=state.mean.copy())
@@ -66,12 +65,8 @@ def test_what_is_planted_in_the_model_is_what_the_screen_sees(solver, calibrated
     assert evidence[term] > 10
     place = layout.candidates[term].directions.index(layout.places["leader_acceleration.gain"][0])
     assert found[term].fitted()[place] == pytest.approx(0.5, abs=0.25)
-    assert complexity_penalty(solver, replace(planted, sums=_sums(solver, planted)), layout.candidates[term].free) > 0
-
-
-def _sums(solver, state):
-    solver.sums([state])
-    return state.sums
+    solver.sums([planted])
+    assert complexity_penalty(solver, planted, layout.candidates[term].free) > 0
 
 
 @pytest.mark.slow
@@ -92,8 +87,7 @@ def test_the_screen_sees_with_everybody_what_the_fitted_alone_hardly_show(solver
     """A small effect in drives of all, one half of whom is fitted."""
     state, noise = calibrated
     layout, term = solver.layout, Term("leader_acceleration")
-    theta = layout.reference.copy()
-    theta[layout.places["leader_acceleration.gain"][0]] = 0.3
+    theta = layout.with_values(layout.reference, {"leader_acceleration.gain": 0.3})
     planted = simulate_again(solver, replace(state, theta=theta, active=(term,)), noise, np.random.default_rng(1))
     data = replace(state.data, y=planted.pieces.y)
     halves = [data.select(np.flatnonzero(data.driver % 2 == half)) for half in (0, 1)]
@@ -172,21 +166,15 @@ def test_what_convinces_others_far_more_is_believed_before_what_holds(trial):
 def test_what_is_beaten_by_something_not_believed_is_doubtful(trial, solver, calibrated, fires, doubtful):
     holds, loses = trial("holds", [0.6] * 10, [1.3] * 10), trial("loses", [0.1] * 10, [2.5] * 10)
     assert decision.believed([holds, loses]) == [holds]
-    exceeding = frozenset({Term("holds"), Term("loses")} if fires else {Term("holds")})
-    turn = Round(Fit(None, *calibrated), {}, {}, {}, exceeding, [holds, loses], [holds])
-    search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=[turn])
-    assert search.is_doubtful(holds) == doubtful
+    turn = round_of(calibrated, [holds, loses], [holds], exceeding=["holds", "loses"] if fires else ["holds"])
+    assert search_of(solver, calibrated, turn).is_doubtful(holds) == doubtful
 
 
 @pytest.mark.parametrize(("steps", "counts"), [(0.5, False), (-0.5, False), (3.0, True)])
 def test_a_delay_of_less_than_a_time_step_is_of_the_numerics(trial, calibrated, steps, counts):
     holds, delay = trial("holds", [0.6] * 10, [1.3] * 10), trial("reaction_delay", [0.1] * 10, [2.5] * 10)
-    state, noise = calibrated
-    theta = state.theta.copy()
-    theta[list(delay.candidate.free)] = steps * state.data.dt
-    delay = replace(delay, fit=Fit(delay.candidate, replaced(state, theta=theta), noise))
-    exceeding = frozenset({Term("holds"), Term("reaction_delay")})
-    turn = Round(Fit(None, state, noise), {}, {}, {}, exceeding, [holds, delay], [holds])
+    delay = fitted_at(delay, steps * calibrated[0].data.dt)
+    turn = round_of(calibrated, [holds, delay], [holds], exceeding=["holds", "reaction_delay"])
     assert turn.is_beaten == counts
     assert (delay in turn.possible) == counts  # otherwise it would take all confidence from what was found
 
@@ -194,29 +182,19 @@ def test_a_delay_of_less_than_a_time_step_is_of_the_numerics(trial, calibrated, 
 @pytest.mark.parametrize(("steps", "gain", "imitates"), [(1.0, 2.5, True), (3.0, 2.5, False), (1.0, 0.7, False)])
 def test_a_fast_response_that_a_short_delay_explains_better_is_no_effect(trial, calibrated, steps, gain, imitates):
     fast, slow = (trial(name, [0.6] * 10, [1.3] * 10) for name in ("leader_acceleration", "resignation"))
-    delay = trial("reaction_delay", [2.5] * 10, [gain] * 10)
-    state, noise = calibrated
-    theta = state.theta.copy()
-    theta[list(delay.candidate.free)] = steps * state.data.dt
-    delay = replace(delay, fit=Fit(delay.candidate, replaced(state, theta=theta), noise))
+    delay = fitted_at(trial("reaction_delay", [2.5] * 10, [gain] * 10), steps * calibrated[0].data.dt)
     if gain < 1:
         delay = replace(delay, fitted=np.full(10, 0.4))
     assert decision.imitating([fast, slow, delay]) == ({Term("leader_acceleration")} if imitates else set())
 
 
 @pytest.mark.parametrize(("share", "gain", "imitates"), [(1.1, 2.5, True), (0.8, 2.5, False), (1.1, 9.0, False)])
-def test_a_curve_over_the_leaders_acceleration_is_no_effect_if_drivers_copy_it(
-    trial, calibrated, share, gain, imitates
-):
-    copy = trial("leader_acceleration", [2.5] * 10, [2.5] * 10)
+def test_a_curve_over_the_leaders_acceleration_is_no_effect_if_drivers_copy_it(trial, share, gain, imitates):
+    copy = fitted_at(trial("leader_acceleration", [2.5] * 10, [2.5] * 10), share)
     curve = trial("dependence", [2.5] * 10, [gain] * 10, kind="generic", variable="leader_acceleration")
     as_curve = {"term": Term("dependence", "leader_acceleration"), "variables": copy.candidate.variables}
     curve = replace(curve, candidate=replace(curve.candidate, **as_curve))
     other = trial("dependence", [2.5] * 10, [2.5] * 10, kind="generic", variable="lane")
-    state, noise = calibrated
-    theta = state.theta.copy()
-    theta[copy.candidate.free[0]] = share
-    copy = replace(copy, fit=Fit(copy.candidate, replaced(state, theta=theta), noise))
     expected = {Term("dependence", "leader_acceleration")} if imitates else set()
     assert decision.imitating([copy, curve, other]) == expected
 
@@ -225,10 +203,8 @@ def test_a_curve_over_the_leaders_acceleration_is_no_effect_if_drivers_copy_it(
 def test_a_name_after_a_free_curve_is_doubtful(trial, solver, calibrated, kinds, doubtful):
     """The remainder after a curve may belong to the effect that the curve stands for."""
     added = {kind: trial(kind, [0.6] * 10, [0.3] * 10, kind=kind, variable=kind) for kind in kinds}
-    turns = [
-        Round(Fit(None, *calibrated), {}, {}, {}, frozenset({Term(kind)}), [one], [one]) for kind, one in added.items()
-    ]
-    search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=turns)
+    turns = [round_of(calibrated, [one], [one], exceeding=[kind]) for kind, one in added.items()]
+    search = search_of(solver, calibrated, *turns)
     assert search.is_doubtful(added["driver"]) == doubtful
     assert not search.is_doubtful(added["generic"])
 
@@ -241,9 +217,8 @@ def test_a_curve_that_was_taken_back_leaves_its_dependence_and_an_effect_a_contr
 ):
     named = trial("named", [0.6] * 10, [0.3] * 10, variable="speed")
     back = trial("back", [0.6] * 10, [0.3] * 10, kind=kind, variable=variable)
-    turn = Round(Fit(None, *calibrated), {}, {}, {}, frozenset({Term("named")}), [named], [named])
-    search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=[turn], rejected=[back])
-    assert search.is_doubtful(named) == doubtful
+    turn = round_of(calibrated, [named], [named], exceeding=["named"])
+    assert search_of(solver, calibrated, turn, rejected=[back]).is_doubtful(named) == doubtful
 
 
 def test_a_model_is_never_worse_than_the_one_it_contains(solver, calibrated):
@@ -319,7 +294,7 @@ def test_a_twin_stands_behind_the_candidate_that_it_looks_like(solver, calibrate
         Round(fit, evidence, evidence, evidence, frozenset(evidence), [first, second], accepted)
         for accepted in ([first], [second], [])
     ]
-    rows = candidate_rows(Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=rounds))
+    rows = candidate_rows(search_of(solver, calibrated, *rounds))
     assert [row["name"] for row in rows] == ["reaction_delay", "speed_limit", "bend", "asymmetry"]
     assert [row["ambiguous"] for row in rows] == [False, False, True, False]
     assert "map" in rows[2]["told_apart_by"]
@@ -329,8 +304,7 @@ def test_clocks_are_told_from_shifts_that_are_no_clocks(measured_of):
     """Scores made from known offsets are explained by offsets; scores of unrelated shifts are not."""
     data = measured_of()
     leaders = clocks.main_leaders(data)
-    own = np.zeros(data.n_drivers, int)
-    own[data.driver] = data.vehicle
+    own = data.driver_values(data.vehicle)
     rng = np.random.default_rng(0)
     offset = dict(zip(np.unique(np.r_[own, leaders.ravel()]), rng.normal(0, 0.2, 99), strict=False))
     information = np.zeros((data.n_drivers, clocks.MOST_LEADERS, clocks.MOST_LEADERS))
@@ -369,9 +343,6 @@ def test_intervals_are_those_of_a_gaussian():
 @pytest.mark.parametrize("name", ["grade", "speed_limit"])
 def test_a_search_has_a_start_even_where_nothing_is_seen_of_a_candidate(solver, calibrated, name):
     # As of a speed limit where drivers follow so closely that their desired speed does not matter.
-    from rearl_jax.discovery.search.refit import starts
-    from rearl_jax.discovery.search.screen import Score
-
     state, candidate = calibrated[0], solver.layout.candidates[Term(name)]
     n, n_drivers = len(candidate.directions), state.data.n_drivers
     unseen = Score(np.zeros(n), np.zeros((n, n)), np.zeros((n_drivers, n)), np.zeros((n_drivers, n, n)))

@@ -10,25 +10,18 @@ from rearl_jax.discovery.observe.candidates import LENS, Candidate, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, MOST_LEADERS
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.report.verdict import is_on, unseen, verdict_of
-from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.outcome import Search
-from rearl_jax.discovery.search.round import Round
 from rearl_jax.discovery.search.screen import Score, evidences
 from rearl_jax.discovery.thresholds import THRESHOLDS
+from tests.discovery.search.searches import ADEQUATE, round_of, search_of
 
 
 @pytest.mark.parametrize(("staleness", "expected"), [(0.0, "artefact"), (5.0, "unexplained")])
 def test_clocks_that_leave_more_than_noise_do_not_explain_it(solver, calibrated, staleness, expected):
-    fit, left = (
-        Fit(None, *calibrated),
-        Adequacy(0.0, 0.02, 0.0, 0.0, 0.0, {}, -1.0, staleness, (Term("grade"), 1.0), 70.0),
-    )
-    ends = Round(fit, {}, {}, {}, frozenset(), [], [])
-    data = calibrated[0].data
-    check = ClockCheck(fit, 40.0, 40.0, 0.2, data, data)
-    found = Search(solver.layout, Null({}, {}, 1), {}, data, check, rounds=[ends])
+    left, data = replace(ADEQUATE, misjudgement=-1.0, staleness=staleness), calibrated[0].data
+    check = ClockCheck(Fit(None, *calibrated), 40.0, 40.0, 0.2, data, data)
+    found = search_of(solver, calibrated, round_of(calibrated), clocks=check)
     assert verdict_of(found, [], left, predicts_better=False) == expected
     alone = replace(found, clocks=None)
     assert verdict_of(alone, [], left, predicts_better=False) == ("nothing" if staleness == 0.0 else "unexplained")
@@ -37,10 +30,10 @@ def test_clocks_that_leave_more_than_noise_do_not_explain_it(solver, calibrated,
 
 
 def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, calibrated):
-    fit, data = Fit(None, *calibrated), calibrated[0].data
-    ends = Round(fit, {}, {}, {}, frozenset(), [], [])
-    found = Search(solver.layout, Null({}, {}, 1), {}, data, ClockCheck(fit, 9.0, 9.0, 0.2, data, data), rounds=[ends])
-    rough = Adequacy(0.3, 0.02, 0.3, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
+    data = calibrated[0].data
+    check = ClockCheck(Fit(None, *calibrated), 9.0, 9.0, 0.2, data, data)
+    found = search_of(solver, calibrated, round_of(calibrated), clocks=check)
+    rough = replace(ADEQUATE, kurtosis=0.3, kurtosis_before=0.3)
     assert not rough.is_adequate
     assert verdict_of(found, [], rough, predicts_better=False) == "artefact"
     assert verdict_of(found, [], replace(rough, staleness=2.4), predicts_better=False) == "unexplained"
@@ -49,30 +42,29 @@ def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, c
 
 @pytest.mark.parametrize(("z_score", "expected"), [(2.0, "named"), (12.0, "unexplained")])
 def test_what_leaves_shifts_between_pairs_is_not_named(trial, solver, calibrated, z_score, expected):
-    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
     holds = replace(trial("holds", [0.6] * 10, [0.3] * 10), candidate=solver.layout.candidates[Term("several_leaders")])
-    first = Round(fit, {}, {}, {}, frozenset(), [holds], [holds], 12.0)
-    found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
-    found.rounds = [first, replace(first, trials=[], accepted=[], clock_z_score=z_score)]
+    first, ends = (
+        round_of(calibrated, [holds], [holds], clock_z_score=12.0),
+        round_of(calibrated, clock_z_score=z_score),
+    )
+    found = search_of(solver, calibrated, first, ends)
     stated = [Claim("several_leaders", "driver", {}, (), 0.98, 90.0)]
-    assert verdict_of(found, stated, left, predicts_better=False) == expected
+    assert verdict_of(found, stated, ADEQUATE, predicts_better=False) == expected
     # What may be off is not stated, and what is not stated is not named.
-    assert verdict_of(found, [], left, predicts_better=False) == "unexplained"
-    found.rounds = [replace(first, trials=[], accepted=[], clock_z_score=z_score)]
-    assert verdict_of(found, [], left, predicts_better=False) == {"named": "nothing"}.get(expected, expected)
+    assert verdict_of(found, [], ADEQUATE, predicts_better=False) == "unexplained"
+    found.rounds = [ends]
+    assert verdict_of(found, [], ADEQUATE, predicts_better=False) == {"named": "nothing"}.get(expected, expected)
 
 
 @pytest.mark.parametrize(("predicts_better", "expected"), [(True, "improved"), (False, "unexplained")])
 def test_a_curve_without_a_name_improves_a_model_if_the_error_is_surely_lower(
     trial, solver, calibrated, predicts_better, expected
 ):
-    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
     curve = trial("dependence", [0.6] * 10, [0.3] * 10, kind="generic", variable="gap")
-    found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
-    found.rounds = [Round(fit, {}, {}, {}, frozenset(), [curve], [curve]), Round(fit, {}, {}, {}, frozenset(), [], [])]
+    found = search_of(solver, calibrated, round_of(calibrated, [curve], [curve]), round_of(calibrated))
     stated = [Claim("dependence", "generic", {}, ("gap",), 0.98, 90.0)]
-    assert verdict_of(found, stated, left, predicts_better=predicts_better) == expected
-    assert verdict_of(found, [], left, predicts_better=predicts_better) == "unexplained"
+    assert verdict_of(found, stated, ADEQUATE, predicts_better=predicts_better) == expected
+    assert verdict_of(found, [], ADEQUATE, predicts_better=predicts_better) == "unexplained"
 
 
 def test_a_distortion_is_a_curve_that_no_single_value_switches_off(trial, solver, calibrated):
@@ -100,13 +92,11 @@ def test_strengths_that_only_together_differ_from_off_are_on(
 
 
 def test_an_artefact_that_is_not_stated_is_no_verdict(trial, solver, calibrated):
-    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
     bent = trial("lens", [0.6] * 10, [0.3] * 10, kind="artefact")
-    found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
-    found.rounds = [Round(fit, {}, {}, {}, frozenset(), [bent], [bent]), Round(fit, {}, {}, {}, frozenset(), [], [])]
+    found = search_of(solver, calibrated, round_of(calibrated, [bent], [bent]), round_of(calibrated))
     stated = [Claim("lens", "artefact", {}, ("position",), 0.98, 90.0)]
-    assert verdict_of(found, stated, left, predicts_better=True) == "artefact"
-    assert verdict_of(found, [], left, predicts_better=True) == "unexplained"
+    assert verdict_of(found, stated, ADEQUATE, predicts_better=True) == "artefact"
+    assert verdict_of(found, [], ADEQUATE, predicts_better=True) == "unexplained"
 
 
 @pytest.mark.parametrize(("known", "by_chance", "spread", "needed"), [
@@ -128,10 +118,9 @@ def test_the_weakest_effect_that_can_be_seen_gives_the_evidence_that_is_needed(
     scores = {term: score(len(candidate.directions)) for term, candidate in layout.candidates.items()}
     scores[CLOCK_OFFSET] = score(MOST_LEADERS)
     null = Null(dict.fromkeys(scores, by_chance), dict.fromkeys(scores, spread), 9)
-    ends = Round(Fit(None, *calibrated), {}, {}, {}, frozenset(), [], [])
-    rows = {row["name"]: row for row in unseen(Search(layout, null, scores, state.data, rounds=[ends]))}
+    found = replace(search_of(solver, calibrated, round_of(calibrated)), null=null, first_scores=scores)
+    rows = {row["name"]: row for row in unseen(found)}
     strong = scores | {effect: score(len(layout.candidates[effect].directions), rows[effect.effect]["strength"])}
     assert evidences(state, strong, layout)[effect] == pytest.approx(needed)
     nothing = {term: replace(one, information=0.0 * one.information) for term, one in scores.items()}
-    blind = unseen(Search(layout, null, nothing, state.data, rounds=[ends]))
-    assert all(row["strength"] is None for row in blind)
+    assert all(row["strength"] is None for row in unseen(replace(found, first_scores=nothing)))

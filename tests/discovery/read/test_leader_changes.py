@@ -9,7 +9,7 @@ from rearl_jax.config.driver import record_of
 from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.early_leader import EarlyLeader, RecordedStimulus
-from rearl_jax.discovery.read.next_leaders import handed_over, handovers
+from rearl_jax.discovery.read.leader_changes import handed_over, handovers
 
 DT, N = 0.1, 100
 
