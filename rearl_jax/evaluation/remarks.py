@@ -13,9 +13,8 @@ from rearl_jax.config.scenes import BoundarySource, SpeedNorm
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import DataSource, data_sources
 from rearl_jax.document.table import percent
-from rearl_jax.evaluation.road import with_road
 from rearl_jax.evaluation.runner import Evaluation
-from rearl_jax.evaluation.traffic import model_notes
+from rearl_jax.evaluation.traffic import model_notes, with_road
 from rearl_jax.metrics.histograms import legacy_scale
 
 _STARTS = {
