@@ -180,8 +180,7 @@ def _time_gaps(facts: pd.DataFrame) -> Section:
     }
     shown = facts.assign(name=facts["car"] + ", " + facts["setting"], **spread)
     explanation = (
-        "Measured without a model: median of gap over speed in intervals near equilibrium, and one standard "
-        "error "
+        "Measured without a model: median of gap over speed in intervals near equilibrium, and one standard error "
         "between runs on either side. Calibrated: the chosen car-following model at the median speed of these "
         "intervals, median over a car's tracks.",
     )
