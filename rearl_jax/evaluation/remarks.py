@@ -92,13 +92,7 @@ def remarks_of(evaluation: Evaluation) -> Remarks:
 
 
 def data_summary(config: EvaluateTask | ClusterTask, scenes: SceneSet, use: str) -> str:
-    """Sentences on the origin of the scenes.
-
-    Args:
-        config: The task.
-        scenes: All scenes.
-        use: Phrase on the number of scenes that are used, and their use.
-    """
+    """Sentences on the origin of the scenes; the phrase `use` says how many of them are used, and for what."""
     counts = scenes.counts
     return (
         f"{counts.recordings} recordings, {counts.windows} windows of {scenes.seconds} s, {counts.accepted} "
@@ -128,12 +122,7 @@ def _speeds(scenes: SceneSet) -> str:
 
 
 def speed_bins(hist: HistConfig, speed: np.ndarray) -> str:
-    """Sentence on the distribution of the recorded speeds over the bins of the Hellinger distance.
-
-    Args:
-        hist: The bins.
-        speed: The compared speeds [m/s].
-    """
+    """Sentence on the distribution of the compared recorded speeds [m/s] over the bins of the Hellinger distance."""
     counts, _ = np.histogram(np.clip(speed, hist.low, hist.high), hist.n_bins, (hist.low, hist.high))
     outside = float(np.mean((speed < hist.low) | (speed > hist.high)))
     return (

@@ -164,11 +164,8 @@ def _piece(first: int, x: np.ndarray, y: np.ndarray, length: float) -> dict[str,
 
 
 def differences(values: np.ndarray) -> list[int]:
-    """Differences of successive positions in whole centimetres, after the first position; rounding errors do not
+    """Differences of successive positions [m] in whole centimetres, after the first position; rounding errors do not
     accumulate.
-
-    Args:
-        values: Positions [m].
     """
     whole = np.rint(_CM * np.asarray(values, np.float64)).astype(np.int64)
     return np.diff(whole, prepend=0).tolist()

@@ -51,12 +51,7 @@ class NoReplayError(ValueError):
 
 
 def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -> Replay:
-    """The chosen rollouts of a study.
-
-    Args:
-        study: A finished `rearl evaluate`.
-        options: Choice of scenes and run.
-        bar: Progress display.
+    """The chosen rollouts of a finished `rearl evaluate`.
 
     Raises:
         NoReplayError: The data are missing or others, or the rollouts are not those of the study.

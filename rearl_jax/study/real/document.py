@@ -66,15 +66,7 @@ def _difference(differences: pd.DataFrame, first: str, second: str) -> Mapping[s
 def document_of(
     table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFrame, remarks: Remarks, *, generated: bool
 ) -> Document:
-    """The document of a study.
-
-    Args:
-        table: Content of real.parquet.
-        facts: Content of facts.parquet.
-        differences: Content of differences.parquet.
-        remarks: The data and their sources.
-        generated: Whether any of the data were generated.
-    """
+    """The document of real.parquet, facts.parquet and differences.parquet; `generated` if any of the data were."""
     summary = summary_of(table, facts, differences)
     groups = pd.DataFrame(table).assign(name=table["title"] + ", " + table["group"])
     sections = (
