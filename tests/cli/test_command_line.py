@@ -92,16 +92,14 @@ def test_the_remedy_for_several_values_works(cli):
     assert (cli.ran[0].road.exits, cli.ran[0].study) == ((1.0, 3.0), "a,b")
 
 
-def test_error_of_the_file_system_is_for_the_user(cli, capsys):
-    cli.task.fail = lambda: open("missing.csv")
+@pytest.mark.parametrize(
+    ("fail", "said"),
+    [(lambda: open("missing.csv"), "missing.csv"), (lambda: Study("results", "../up", None, "drive far"), "'../up'")],
+)
+def test_errors_of_the_file_system_and_of_the_package_are_for_the_user(cli, capsys, fail, said):
+    cli.task.fail = fail
     assert cli.main(["drive", "far", "road.lanes=9"]) == 2
-    assert "missing.csv" in capsys.readouterr().err
-
-
-def test_error_raised_by_the_package_is_for_the_user(cli, capsys):
-    cli.task.fail = lambda: Study("results", "../up", None, "drive far")
-    assert cli.main(["drive", "far", "road.lanes=9"]) == 2
-    assert "'../up'" in capsys.readouterr().err
+    assert said in capsys.readouterr().err
 
 
 def test_error_of_a_library_keeps_its_traceback(cli):
