@@ -56,13 +56,7 @@ _CASES = ("variant", "set", "verdict", "named", "outcome", "confidence", "before
 def document_of(
     summary: Mapping[str, Any], tables: Mapping[str, pd.DataFrame], protocol: Mapping[str, Any]
 ) -> Document:
-    """The document of a blind study.
-
-    Args:
-        summary: Content of summary.json.
-        tables: TABLES by name, as in the Parquet files.
-        protocol: Content of protocol.json.
-    """
+    """The document of a blind study, from summary.json, protocol.json and TABLES by name, as in the Parquet files."""
     sets = tables["sets"]
     counts = {f"n_{outcome}": outcome for outcome in OUTCOMES if sets[f"n_{outcome}"].to_numpy().any()}
     outcomes = {"set": "", "n": "data sets", **counts, "n_false": "with a false effect", "rate": "share [%]"}

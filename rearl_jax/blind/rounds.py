@@ -84,15 +84,9 @@ def open_study(folder: Path, config_hash: str, blind: BlindConfig, watch: Watch)
 def run_cases(
     folder: Path, study: str, cases: Sequence[Case], discover: Discover, blind: BlindConfig, watch: Watch
 ) -> None:
-    """Runs discovery on every data set without a verdict; verdicts are written atomically.
+    """Runs discovery on every data set without a verdict, in this order; verdicts are written atomically.
 
-    Args:
-        folder: Folder of the study.
-        study: Name of the folder under results.root.
-        cases: All data sets, in the order in which they are run.
-        discover: Discovery.
-        blind: Options: what is kept, and whether the oracle is refitted.
-        watch: Progress callback.
+    `study` is the name of the folder under results.root.
     """
     for number, case in enumerate(cases):
         watch(number, len(cases))
@@ -149,11 +143,9 @@ def oracle_name(case: Case) -> str | None:
 
 
 def time_left(done_before: int, begin: float) -> Callable[[int, int], str]:
-    """Function from the finished and the total number of data sets to the remaining time.
+    """Function from the finished and the total number of data sets to the remaining time of a run.
 
-    Args:
-        done_before: Data sets that were finished when this run started.
-        begin: Start of this run on the clock of time.perf_counter [s].
+    The run began at `begin` on the clock of time.perf_counter [s], with `done_before` data sets finished.
     """
 
     def text(done: int, total: int) -> str:

@@ -176,11 +176,7 @@ def repeated_keys(overrides: list[str]) -> list[str]:
 def check_overrides(task: Task, overrides: list[str], config_dir: str | None, *, many: bool = True) -> None:
     """Refuse unreadable words and unknown keys before Hydra sees them, naming the nearest valid key.
 
-    Args:
-        task: The task.
-        overrides: Words of the command line after the task.
-        config_dir: Folder of the user's own configuration files.
-        many: Whether a key may have several values, one for each job of a multirun.
+    With `many` a key may have several values, one for each job of a multirun.
     """
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import HydraException

@@ -12,9 +12,7 @@ _SECRET = re.compile(r"key|token|secret|pass|auth|sig|cred|code", re.IGNORECASE)
 def check_no_secret(address: str, key: str) -> None:
     """Raise InvalidInputError, without the address, if it contains a password or a key.
 
-    Args:
-        address: Text given as the address.
-        key: Configuration key whose value it is.
+    `key` is the configuration key whose value it is.
     """
     try:
         parts = urlsplit(address.strip())

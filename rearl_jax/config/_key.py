@@ -44,12 +44,9 @@ def study_key(name: str) -> Any:
 
 
 def mapping_key(help: str) -> Any:
-    """Dataclass field for a mapping, empty by default.
+    """Dataclass field for a mapping, empty by default, with a help text as of `key`.
 
     The mapping is mutable, so the hash of its record leaves it out; comparisons of records include it.
-
-    Args:
-        help: As of `key`.
 
     Raises:
         ValueError: The text is empty or longer than one line.

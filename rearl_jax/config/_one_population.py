@@ -11,14 +11,7 @@ def platoons() -> DataConfig:
 
 
 def check_one_population(variant: Variant, model: str | None, reason: str, *, has_drivers: bool) -> None:
-    """Raise InvalidInputError for both variants at once, and for drivers given twice.
-
-    Args:
-        variant: The variant of the model.
-        model: File of the model; None if there is none.
-        reason: Why there can be only one variant.
-        has_drivers: Whether keys of `driver` are given too.
-    """
+    """Raise InvalidInputError for both variants at once, with the reason why not, and for drivers given twice."""
     if variant is Variant.all:
         raise out_of_range("variant", f"must be repaired or calibrated: {reason}", variant.name)
     if model is not None and has_drivers:

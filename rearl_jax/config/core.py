@@ -48,8 +48,7 @@ class CoreConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        if self.n_lanes is not None:
-            check_within(self, 1, MOST_LANES, "n_lanes")
+        check_within(self, 1, MOST_LANES, "n_lanes")
         check_least(self, 1, "n_vehicles", "ticks_per_second", "chunk")
         check_positive(self, "density")
         check_finite(self, "density")

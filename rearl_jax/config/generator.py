@@ -101,8 +101,7 @@ class GeneratorConfig:
             raise out_of_range("vehicles_min", "must be > 0 and below vehicles_max", self.vehicles_min)
         check_within(self, 0.0, 0.5, "congested_share")
         for name, low, high in _RANGES:
-            if not low <= getattr(self, name) <= high:
-                raise out_of_range(name, f"must be within {low} and {high}", getattr(self, name))
+            check_within(self, low, high, name)
 
 
 _RANGES = (

@@ -80,11 +80,8 @@ def page_of(
 
 
 def command(task: str, config: Any) -> str:
-    """The command that repeats a study: every key that differs from its default.
-
-    Args:
-        task: The task with its fixed keys, such as `evaluate method=base`.
-        config: Record of the task.
+    """The command that repeats a study: the task with its fixed keys, such as `evaluate method=base`, then every key
+    that differs from its default.
     """
     default, fixed = type(config)(), {word.partition("=")[0] for word in task.split()}
     implied = _implied(task)

@@ -11,11 +11,7 @@ _MANY = 3
 
 
 def merged_notes(of_recordings: Iterable[Sequence[str]]) -> tuple[str, ...]:
-    """Every note once; of many that differ only in their numbers one, with the ranges of the numbers.
-
-    Args:
-        of_recordings: Notes of every recording.
-    """
+    """Every note of the recordings once; of many that differ only in their numbers one, with their ranges."""
     count: dict[str, int] = {}
     for notes in of_recordings:
         for note in dict.fromkeys(notes):

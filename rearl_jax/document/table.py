@@ -133,12 +133,7 @@ def _cell(record: Mapping[Any, Any], name: str) -> Cell:
 
 
 def number(value: Any, sign: str = "") -> str:
-    """Text of a value, `-` if it is missing.
-
-    Args:
-        value: A number, a text, a truth value or a missing one.
-        sign: `+` for changes.
-    """
+    """Text of a number, a text or a truth value, `-` if it is missing; the sign `+` is for changes."""
     if value is None or value is pd.NA or (isinstance(value, float) and pd.isna(value)):
         return NONE
     if isinstance(value, bool):

@@ -45,12 +45,8 @@ def check_boundary(config: EvaluateTask, *, has_given_scenes: bool = False) -> N
 
 
 def recorded_boundary(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray) -> SceneBoundary | None:
-    """Recorded traffic around some scenes; None for `scenes.boundary=free`.
-
-    Args:
-        config: The task, from whose recordings the scenes were cut.
-        scenes: All scenes.
-        subset: Indices of the scenes.
+    """Recorded traffic around the scenes with the indices `subset`, from the recordings of the task; None for
+    `scenes.boundary=free`.
 
     Raises:
         InvalidInputError: Other keys do not permit replayed traffic, or the lane of a vehicle is unknown.

@@ -80,15 +80,7 @@ def document_of(
     decisions: pd.DataFrame | None = None,
     generated: bool,
 ) -> Document:
-    """The document of an evaluation.
-
-    Args:
-        config: The task.
-        summary: The table `summary.parquet`.
-        remarks: Text that goes with the table.
-        decisions: The table `decisions.parquet`; None without interventions.
-        generated: Whether any of the recordings were generated.
-    """
+    """The document of an evaluation: summary.parquet, remarks, and decisions.parquet (None without interventions)."""
     rows = list(dict.fromkeys(summary["method"]))
     figures = {(row["method"], row["metric"]): row for row in summary.astype(object).to_dict("records")}
     main = main_row(rows)

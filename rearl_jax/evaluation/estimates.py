@@ -66,12 +66,7 @@ class Estimate:
 
 
 def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) -> dict[tuple[str, str], Estimate]:
-    """Estimates by row and metric; pairs without any figure are left out.
-
-    Args:
-        rows: All rows of the table.
-        held_out: Indices of the scenes, the units of resampling.
-        eval: Resamples, confidence and seed.
+    """Estimates by row and metric, resampled over the held-out scenes; pairs without any figure are left out.
 
     Source: percentile bootstrap, Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
     """
@@ -153,12 +148,7 @@ def finite_mean(values: np.ndarray) -> float:
 def means_with_intervals(
     figures: Sequence[np.ndarray], eval: EvaluationConfig
 ) -> list[tuple[float, float | None, float | None]]:
-    """Mean of each figure over the scenes, NaN without a value, with the ends of its interval, as in `intervals`.
-
-    Args:
-        figures: Values of each figure, scene by scene.
-        eval: Resamples, confidence and seed.
-    """
+    """Mean of each figure over the scenes, NaN without a value, with the ends of its interval, as in `intervals`."""
     if not figures:
         return []
     ends = intervals(np.stack(figures, axis=1), eval)
@@ -166,13 +156,10 @@ def means_with_intervals(
 
 
 def intervals(values: np.ndarray, eval: EvaluationConfig) -> list[tuple[float | None, float | None]]:
-    """Ends of the percentile bootstrap interval of each column's mean, the same resamples for every column.
+    """Ends of the percentile bootstrap interval of the mean over scenes, for each column; all columns have the same
+    resamples.
 
     A missing value (NaN) does not count. None if fewer than two rows have a value.
-
-    Args:
-        values: One row per scene, one column per figure.
-        eval: Resamples, confidence and seed.
     """
     valid = np.isfinite(values)
     known = np.where(valid, values, 0.0)

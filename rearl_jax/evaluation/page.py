@@ -3,8 +3,8 @@
 import numpy as np
 
 from rearl_jax.document.html import Player
-from rearl_jax.evaluation.road import with_road
 from rearl_jax.evaluation.runner import Evaluation
+from rearl_jax.evaluation.traffic import with_road
 from rearl_jax.replay.player import player_of
 from rearl_jax.replay.scenes import Replay, ReplayedScene
 

@@ -60,11 +60,6 @@ def simulated_paths(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) 
     """Paths of the vehicles that rollouts start with.
 
     If the start was drawn, the path begins with the first frame after the start, as in all metrics.
-
-    Args:
-        simulated: The rollouts.
-        rollouts: What these rollouts simulate: row, run and scene of each.
-        scenes: All scenes.
     """
     config, boundary = rollouts.config, rollouts.boundary
     x, lane = (np.asarray(values) for values in (simulated.frames.x, simulated.frames.lane))

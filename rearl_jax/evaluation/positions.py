@@ -43,11 +43,6 @@ def positions_of(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) -> 
     """Positions of rollouts that start from recorded scenes; None for others.
 
     Seconds in which a vehicle starts or enters are left out, because it is then at its recorded position.
-
-    Args:
-        simulated: The rollouts.
-        rollouts: What these rollouts simulate: row, run and scene of each.
-        scenes: All scenes.
     """
     if rollouts.config.init.source is not InitialSource.scene:
         return None
@@ -82,10 +77,7 @@ def overlaps(
 ) -> Bool[np.ndarray, "rollouts seconds vehicles"]:
     """True where a simulated vehicle overlaps a replayed one on its lane.
 
-    Args:
-        simulated: The rollouts.
-        boundary: The replayed vehicles.
-        column: Index of each rollout's scene in `boundary`.
+    `column` is the index of each rollout's scene in `boundary`.
     """
     x, lane = (
         np.moveaxis(np.asarray(values), -1, 0)[..., None] for values in (simulated.frames.x, simulated.frames.lane)
@@ -109,12 +101,7 @@ def position_figures(positions: Positions) -> Figures:
 
 
 def position_extra(scene_id: np.ndarray, positions_by_row: Mapping[str, Positions]) -> Extra:
-    """Table `positions` with one row per rollout, and a note on every row of the evaluation.
-
-    Args:
-        scene_id: Number of every scene.
-        positions_by_row: Positions by row.
-    """
+    """Table `positions` with one row per rollout, and a note on every row of the evaluation."""
     tables, notes = [], []
     for name, positions in positions_by_row.items():
         columns = {

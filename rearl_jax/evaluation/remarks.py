@@ -13,9 +13,8 @@ from rearl_jax.config.scenes import BoundarySource, SpeedNorm
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import DataSource, data_sources
 from rearl_jax.document.table import percent
-from rearl_jax.evaluation.road import with_road
 from rearl_jax.evaluation.runner import Evaluation
-from rearl_jax.evaluation.traffic import model_notes
+from rearl_jax.evaluation.traffic import model_notes, with_road
 from rearl_jax.metrics.histograms import legacy_scale
 
 _STARTS = {
@@ -93,13 +92,7 @@ def remarks_of(evaluation: Evaluation) -> Remarks:
 
 
 def data_summary(config: EvaluateTask | ClusterTask, scenes: SceneSet, use: str) -> str:
-    """Sentences on the origin of the scenes.
-
-    Args:
-        config: The task.
-        scenes: All scenes.
-        use: Phrase on the number of scenes that are used, and their use.
-    """
+    """Sentences on the origin of the scenes; the phrase `use` says how many of them are used, and for what."""
     counts = scenes.counts
     return (
         f"{counts.recordings} recordings, {counts.windows} windows of {scenes.seconds} s, {counts.accepted} "
@@ -129,12 +122,7 @@ def _speeds(scenes: SceneSet) -> str:
 
 
 def speed_bins(hist: HistConfig, speed: np.ndarray) -> str:
-    """Sentence on the distribution of the recorded speeds over the bins of the Hellinger distance.
-
-    Args:
-        hist: The bins.
-        speed: The compared speeds [m/s].
-    """
+    """Sentence on the distribution of the compared recorded speeds [m/s] over the bins of the Hellinger distance."""
     counts, _ = np.histogram(np.clip(speed, hist.low, hist.high), hist.n_bins, (hist.low, hist.high))
     outside = float(np.mean((speed < hist.low) | (speed > hist.high)))
     return (

@@ -22,7 +22,6 @@ from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.references import References
 from rearl_jax.evaluation.boundaries import check_boundary, recorded_boundary
 from rearl_jax.evaluation.host_policy import MakePolicy, simulate_with_host_policy
-from rearl_jax.evaluation.road import with_road
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.simulators import (
     Batch,
@@ -34,6 +33,7 @@ from rearl_jax.evaluation.simulators import (
     rollout_keys,
     start_program,
 )
+from rearl_jax.evaluation.traffic import with_road
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 NO_SCENE = -1

@@ -90,10 +90,11 @@ class Scores:
 
     def without(self, names: tuple[str, ...]) -> "Scores":
         """The scores without some metrics."""
-        kept = {name: values for name, values in self.values.items() if name not in names}
-        counts = {name: count for name, count in self.counts.items() if name not in names}
-        pooled = {name: values for name, values in self.pooled.items() if name not in names}
-        return replace(self, values=kept, counts=counts, pooled=pooled)
+        values, counts, pooled = (
+            {name: figures for name, figures in by_metric.items() if name not in names}
+            for by_metric in (self.values, self.counts, self.pooled)
+        )
+        return replace(self, values=values, counts=counts, pooled=pooled)
 
 
 def scores_of(

@@ -39,10 +39,6 @@ from rearl_jax.runtime import set_precision
 def run(config: EvaluateTask, *, show: bool = True) -> dict:
     """The summary under `rows`: one object per row of the table, the method first, as in summary.json.
 
-    Args:
-        config: The task.
-        show: Whether the table is printed.
-
     Raises:
         FileNotFoundError, ValueError: As in `compute`.
     """
@@ -145,14 +141,7 @@ def documented(evaluation: Evaluation, found: dict[tuple[str, str], Estimate]) -
 def write_pages(
     study: Study, evaluation: Evaluation, found: dict[tuple[str, str], Estimate], *, show: bool = False
 ) -> list[dict]:
-    """The objects of summary.json, written last, after figures and page.
-
-    Args:
-        study: Folder of the study.
-        evaluation: The evaluation.
-        found: Estimates by row and metric.
-        show: Whether the document is printed.
-    """
+    """The objects of summary.json, written last, after figures and page."""
     config, data_id = evaluation.config, evaluation.scenes.data_id
 
     def draw() -> dict[str, bytes]:

@@ -1,20 +1,26 @@
-"""The simulated traffic: that of highway-env, of the keys `driver` and `mobil`, or of a repaired model."""
+"""The simulated traffic and its road: that of highway-env, of the keys `driver` and `mobil`, or of a repaired model."""
 
 from dataclasses import asdict, fields, replace
+from typing import TypeVar
 
 import numpy as np
 
 from rearl_jax.baselines.weights import load_policy
 from rearl_jax.config import EvaluateTask
+from rearl_jax.config.core import InitialSource
 from rearl_jax.config.driver import DriverConfig, record_of
 from rearl_jax.config.evaluation import Method, Variant
 from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.config.scenes import SpeedNorm
 from rearl_jax.data.recordings import data_id
+from rearl_jax.data.scenes.initial_states import recorded_road
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.models.file import model_id, read_model
 from rearl_jax.models.population import Population, lane_changing_of, population_of_keys, population_of_model
 from rearl_jax.models.record import EffectValues
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
+
+Task = TypeVar("Task", bound=EvaluateTask)
 
 MODEL_METHODS = (Method.base, Method.rearl)
 """Methods whose vehicles are driven by the traffic model."""
@@ -37,6 +43,17 @@ def inputs_id(config: EvaluateTask, scenes: str | None = None) -> str:
         read_model(config.model)  # a bad file stops here, before hours of work
         identity += f", {model_id(config.model)}"
     return identity
+
+
+def with_road(config: Task, scenes: SceneSet) -> Task:
+    """The configuration with the road of the recordings if scenes start as recorded, else unchanged.
+
+    Raises:
+        InvalidInputError: The recordings have more lanes than a simulated road can have.
+    """
+    if config.init.source is not InitialSource.scene:
+        return config
+    return replace(config, core=recorded_road(config.core, scenes))
 
 
 def require_one_variant(config: EvaluateTask) -> None:

@@ -159,13 +159,7 @@ def counts(
     edges: tuple[float, ...],
     valid: Bool[np.ndarray, "seconds followers platoons"] | None = None,
 ) -> Int[Array, " bins"]:
-    """Number of values per bin, those outside in the outer bins.
-
-    Args:
-        values: The values.
-        edges: Edges of the bins.
-        valid: Which values count; None for all.
-    """
+    """Number of (valid) values per bin, those outside in the outer bins."""
     mask = None if valid is None else jnp.asarray(valid)
     return cumulative_counts(jnp.asarray(values), edges, drop=False, valid=mask)[-1].sum(axis=-1, dtype=jnp.int32)
 

@@ -16,15 +16,7 @@ PROGRAMS = {"sumo": "SUMO", "highway_env": "highway-env", "openscenario": "OpenS
 def document_of(
     config: ExportTask, summary: Mapping[str, Any], tables: Mapping[str, pd.DataFrame], path: str, *, generated: bool
 ) -> Document:
-    """The document of an export.
-
-    Args:
-        config: The task.
-        summary: The figures of `summary.json`.
-        tables: The tables that were written, by name.
-        path: The file for the other program.
-        generated: Whether any of the recordings of the comparison were generated.
-    """
+    """The document of an export: figures of summary.json, tables by name, `path` of the file for the other program."""
     program = PROGRAMS[summary["target"]]
     translations = tables["said"]
     sections = [_parts_section(translations, program)]

@@ -41,12 +41,8 @@ class DriverColumns:
 
 
 def draw(population: Population, n: int, seed: int) -> DriverColumns:
-    """Drivers drawn as a simulation of the population draws them, with the correlations of their parameters.
-
-    Args:
-        population: The population.
-        n: Number of drivers, drawn independently.
-        seed: Seed of the draw.
+    """`n` drivers drawn independently, as a simulation of the population draws them, with the correlations of their
+    parameters.
     """
     drawn = _draw(jax.random.split(jax.random.key(seed), 1), n, population)
     names = [name for name in MODELS[population.car_following].names if name not in population.drawn]
@@ -65,14 +61,7 @@ def _draw(keys: Key[Array, " scenarios"], n: int, population: Population) -> Dra
 def place_vehicles(
     population: Population, speed: Float[np.ndarray, "vehicles scenarios"], road: TrafficModel, seed: int
 ) -> tuple[TrafficState, Drivers]:
-    """Vehicles on one lane with drivers of the population, the foremost first.
-
-    Args:
-        population: The population.
-        speed: Speeds at the start [m/s].
-        road: The road.
-        seed: Seed of the draw.
-    """
+    """Vehicles on one lane at these speeds [m/s], with drivers drawn from the population, the foremost first."""
     n_vehicles, n_scenarios = speed.shape
     dtype = population.median.dtype
     x = np.broadcast_to(DRAWING_SPACING * np.arange(n_vehicles, 0, -1)[:, None], speed.shape)
@@ -86,14 +75,7 @@ _populate = eqx.filter_jit(populate)
 
 
 def driver_columns(population: Population, drivers: Drivers, n: int, scenario: int) -> DriverColumns:
-    """The drivers of one scenario as columns.
-
-    Args:
-        population: The population they were drawn from.
-        drivers: The drivers, arrays `[vehicles, scenarios]`.
-        n: Number of vehicles.
-        scenario: Number of the scenario.
-    """
+    """The `n` drivers of one scenario as columns, from arrays `[vehicles, scenarios]`."""
 
     def column(values: object) -> np.ndarray:
         by_scenario = np.asarray(values)  # a last axis of length 1 means the same for all scenarios

@@ -46,11 +46,6 @@ _CENTRES = (
 def to_highway_env(population: Population, n_drivers: int, seed: int) -> Exported:
     """A JSON list of drivers drawn from a population, each an object of attributes of `IDMVehicle`.
 
-    Args:
-        population: The drivers, as of `models.population.population_of_model`.
-        n_drivers: Number of drivers.
-        seed: Seed of the draw.
-
     Raises:
         InvalidInputError: The drivers have another car-following model than IDM.
     """

@@ -13,14 +13,9 @@ from rearl_jax.problems import InvalidInputError, Problem
 
 
 def leader_speeds(data: DataConfig, n_leaders: int, seconds: int) -> Float[np.ndarray, "steps leaders"]:
-    """Speeds of vehicles without a leader over some seconds [m/s], at the clock of the simulations.
+    """Speeds of vehicles without a leader [m/s] in pieces of some seconds [s], at the clock of the simulations.
 
     Long tracks are cut into several pieces; the chosen pieces are spread evenly over all pieces.
-
-    Args:
-        data: The recordings.
-        n_leaders: Number of pieces.
-        seconds: Length of each piece [s].
 
     Raises:
         InvalidInputError: The recordings have fewer pieces.
@@ -43,11 +38,23 @@ def _pieces(table: pd.DataFrame, frame_rate: float, seconds: int) -> list[Float[
     """Consecutive pieces of the tracks without a leader in one recording, neither a stated one nor one in the lane."""
     has_leader = table["leader_id"].notna() | (leader_rows(table) != ABSENT)
     alone = ~has_leader.groupby(table["track_id"]).transform("any")
-    n_steps, pieces = seconds * STEPS_PER_SECOND + 1, []
+    pieces = []
     for _, track in table.loc[alone].groupby("track_id"):
         frame = track["frame"].to_numpy()
-        time = (frame - frame[0]) / frame_rate
-        clock = np.arange(0, time[-1] + 1e-9, 1 / STEPS_PER_SECOND)
-        speed = np.interp(clock, time, track["speed"].to_numpy())
-        pieces += [speed[start : start + n_steps] for start in range(0, len(speed) - n_steps + 1, n_steps)]
+        pieces += pieces_at_clock((frame - frame[0]) / frame_rate, track["speed"].to_numpy(), seconds)
     return pieces
+
+
+def pieces_at_clock(
+    time: Float[np.ndarray, " frames"], values: Float[np.ndarray, " frames"], seconds: int
+) -> list[Float[np.ndarray, " steps"]]:
+    """Consecutive pieces of a series, interpolated at the clock of the simulations; a shorter rest is left out.
+
+    Args:
+        time: Times of the values, from 0 [s].
+        values: The series.
+        seconds: Length of each piece [s].
+    """
+    clock = np.arange(0, time[-1] + 1e-9, 1 / STEPS_PER_SECOND)
+    at_clock, n_steps = np.interp(clock, time, values), seconds * STEPS_PER_SECOND + 1
+    return [at_clock[start : start + n_steps] for start in range(0, len(clock) - n_steps + 1, n_steps)]

@@ -38,11 +38,6 @@ def check_openscenario() -> None:
 def to_openscenario(population: Population, n_drivers: int, seed: int) -> Exported:
     """A catalogue of controllers, each a driver drawn from a population.
 
-    Args:
-        population: The drivers, as of `models.population.population_of_model`.
-        n_drivers: Number of drivers.
-        seed: Seed of the draw.
-
     Raises:
         ModuleNotFoundError: scenariogeneration is not installed.
     """

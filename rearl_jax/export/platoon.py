@@ -67,13 +67,8 @@ class Start:
 def start_platoons(
     population: Population, leader_speed: Float[np.ndarray, "steps platoons"], n_followers: int, seed: int
 ) -> Start:
-    """Followers drawn from a population at the speed of the first vehicle and their desired gap at that speed.
-
-    Args:
-        population: The population.
-        leader_speed: Speeds of the first vehicles [m/s].
-        n_followers: Followers of each.
-        seed: Seed of the draw.
+    """Followers drawn from a population, `n_followers` behind each first vehicle, at its first speed [m/s] and their
+    desired gap at that speed.
     """
     speed = np.repeat(leader_speed[:1], n_followers + 1, axis=0)
     state, drivers = place_vehicles(population, speed, ROAD, seed)

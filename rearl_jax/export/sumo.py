@@ -125,11 +125,7 @@ _NO_LANE_CHANGES = "SUMO's lane changing has no politeness, gain and braking of 
 def to_sumo(population: Population, n_types: int, seed: int, *, extended: bool = False) -> Exported:
     """A SUMO additional file with a distribution of vehicle types, drawn from a population with equal probability.
 
-    Args:
-        population: The drivers, as of `models.population.population_of_model`.
-        n_types: Number of types.
-        seed: Seed of the draw.
-        extended: Whether to take SUMO's model with further terms.
+    `extended` takes SUMO's model with further terms.
 
     Raises:
         InvalidInputError: SUMO has no car-following model with this equation.
@@ -144,12 +140,7 @@ def to_sumo(population: Population, n_types: int, seed: int, *, extended: bool =
 
 
 def sumo_file(types: Mapping[str, Mapping[str, str]], distribution: str | None = None) -> str:
-    """Content of an additional file with vehicle types.
-
-    Args:
-        types: Attributes of each type by its id.
-        distribution: Id of the distribution that they form; None for none.
-    """
+    """Content of an additional file: vehicle types, attributes by id, in a distribution if its id is given."""
     root = ET.Element("additional")
     parent = root if distribution is None else ET.SubElement(root, "vTypeDistribution", id=distribution)
     for name, attributes in types.items():
@@ -159,11 +150,7 @@ def sumo_file(types: Mapping[str, Mapping[str, str]], distribution: str | None =
 
 
 def sumo_model(car_following: str, *, extended: bool = False) -> SumoModel:
-    """SUMO's model with the equation of one of this package's models.
-
-    Args:
-        car_following: This package's name of the model.
-        extended: Whether to take SUMO's model with further terms.
+    """SUMO's model with the equation of one of this package's models, or its extension by further terms.
 
     Raises:
         InvalidInputError: SUMO has none.

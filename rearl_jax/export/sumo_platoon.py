@@ -94,16 +94,9 @@ def simulate_in_sumo(
 def _order(
     folder: Path, start: Start, leader_speed: np.ndarray, types: Path, names: Sequence[str], number: int, seed: int
 ) -> dict[str, Any]:
-    """Order for `sumo_worker`: ids of vehicles, options of SUMO, speeds of the first vehicle; writes SUMO's inputs.
+    """Order for `sumo_worker` on platoon `number`: ids of vehicles, options of SUMO, speeds of the first vehicle [m/s].
 
-    Args:
-        folder: Folder of the files.
-        start: All platoons at the start.
-        leader_speed: Speeds of the first vehicle of this platoon [m/s].
-        types: Additional file with the vehicle types.
-        names: Types of the followers.
-        number: Number of the platoon.
-        seed: Seed of SUMO.
+    Writes SUMO's inputs; `types` is an additional file, `names` are the types of the followers in it.
     """
     ids = [LEADER_ID, *(f"follower_{k}" for k in range(1, len(names) + 1))]
     network, routes, fcd = (folder / file.format(number) for file in ("road_{}.net.xml", "traffic_{}.rou.xml", FCD))

@@ -43,12 +43,7 @@ def translation_table(translations: Sequence[Translation]) -> pd.DataFrame:
 
 
 def untranslated_effects(names: Iterable[str], program: str) -> list[Translation]:
-    """Translations of effects that have no counterpart in a program.
-
-    Args:
-        names: Names of the effects.
-        program: Name of the program.
-    """
+    """Translations of the effects with these names, which have no counterpart in a program."""
     reasons = {
         "driver": f"{program}'s car following has no such term",
         "generic": f"{program}'s car following has no such term",

@@ -40,12 +40,7 @@ def without(body: str, refused: tuple[str, ...]) -> str:
 
 
 def refused_parameter(body: str, content: bytes) -> str | None:
-    """The parameter named as refused in the response to a body; None if none is named.
-
-    Args:
-        body: The sent body.
-        content: Body of the response that refuses it.
-    """
+    """The parameter of a body that the content of its response names as refused; None if it names none."""
     text = content.decode("utf-8", "replace")
     optional = [name for name in json.loads(body) if name not in _REQUIRED]
     named = [(match.start(), name) for name in optional if (match := re.search(rf"(?<!\w){name}(?!\w)", text))]

@@ -21,7 +21,7 @@ from rearl_jax.llm.retries import last_result, retrying
 
 log = logging.getLogger(__name__)
 
-_OF_CONTENT = (400, 413, 415, 422)
+_OF_ONE_REQUEST = (400, 413, 415, 422)
 """HTTP statuses of refusals that may concern a single request; with others the server refuses all requests."""
 
 
@@ -171,7 +171,7 @@ class Sender:
             last = self._result_of(response)
             if last.completion is not None:
                 self.refused_in_a_row = 0
-            elif response.is_refusal and response.status not in _OF_CONTENT:
+            elif response.is_refusal and response.status not in _OF_ONE_REQUEST:
                 self.refused_in_a_row += 1
             return last
 

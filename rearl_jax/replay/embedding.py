@@ -59,6 +59,7 @@ def replay_data(replay: Replay) -> dict[str, Any]:
 
 def _scene(scenes: SceneSet, replayed: ReplayedScene, lane_width: float) -> dict[str, Any]:
     index, frames = replayed.index, replayed.frames
+    track = scenes.track_id[index]
     y, n_lanes = _lateral(scenes, index, lane_width)
     presences = _presences(replayed)
     sim_x, sim_y = np.asarray(frames.x), np.asarray(frames.y)
@@ -94,7 +95,7 @@ def _scene(scenes: SceneSet, replayed: ReplayedScene, lane_width: float) -> dict
             "asked": asked,
         },
         "real": {
-            "vehicles": _recorded_pieces(scenes, index, y),
+            "vehicles": _pieces(track, scenes.position[index], y, scenes.length[index], np.unique(track)),
             "speed": _means(scenes.speed[index]),
             "scaled": _means(scenes.scaled_speed[index]),
         },
@@ -144,12 +145,6 @@ def _lateral(scenes: SceneSet, index: int, lane_width: float) -> tuple[Float[np.
     return lane * lane_width, max(int(lane.max()) + 1, sum(counts.values()))
 
 
-def _recorded_pieces(scenes: SceneSet, index: int, y: np.ndarray) -> list[dict[str, Any]]:
-    """Pieces of vehicles: intervals in which a vehicle is among the selected ones without interruption."""
-    track = scenes.track_id[index]
-    return _pieces(track, scenes.position[index], y, scenes.length[index], np.unique(track))
-
-
 def _pieces(
     track: np.ndarray, x: np.ndarray, y: np.ndarray, length: np.ndarray, vehicles: np.ndarray
 ) -> list[dict[str, Any]]:
@@ -169,11 +164,8 @@ def _piece(first: int, x: np.ndarray, y: np.ndarray, length: float) -> dict[str,
 
 
 def differences(values: np.ndarray) -> list[int]:
-    """Differences of successive positions in whole centimetres, after the first position; rounding errors do not
+    """Differences of successive positions [m] in whole centimetres, after the first position; rounding errors do not
     accumulate.
-
-    Args:
-        values: Positions [m].
     """
     whole = np.rint(_CM * np.asarray(values, np.float64)).astype(np.int64)
     return np.diff(whole, prepend=0).tolist()

@@ -62,12 +62,7 @@ class _RecordedPolicy:
 
 
 def policy_of(acts: Interventions, keys: Key[Array, " rollouts"]) -> MakePolicy:
-    """Maker of policies that decide as the one inside the compiled program does.
-
-    Args:
-        acts: Policy and its options.
-        keys: Random keys of the policy, one per rollout.
-    """
+    """Maker of policies that decide as the one inside the compiled program does, from one random key per rollout."""
 
     def make(block: Block) -> HostPolicy:
         block_keys = keys[block.first_scenario : block.first_scenario + block.length.shape[-1]]

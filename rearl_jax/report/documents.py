@@ -7,10 +7,11 @@ import json
 from collections.abc import Callable
 from importlib import import_module
 
+from rearl_jax.blind import document as blind
+from rearl_jax.discovery.report import document as discovery
 from rearl_jax.document.document import Document
 from rearl_jax.evaluation.document import DECISION_COLUMNS, SUMMARY_COLUMNS, document_of
 from rearl_jax.evaluation.remarks import Remarks
-from rearl_jax.report.discovery import blind_document, discovery_document
 from rearl_jax.report.finished import FinishedStudy
 from rearl_jax.study.budget.document import document_of as budget_document_of
 from rearl_jax.study.budget.tables import BUDGET_COLUMNS, STEP_COLUMNS
@@ -25,12 +26,40 @@ from rearl_jax.study.stability.rings import RING_COLUMNS
 from rearl_jax.sweep.document import SUMMARY_KEYS
 from rearl_jax.sweep.document import document_of as sweep_document_of
 
+_VERDICT_KEYS = ("verdict", "effects", "candidates", "unseen", "error", "adequacy", "lane_choice", "data")
+"""Required keys of verdict.json of a discovery."""
+
+_MAP_COLUMNS = ("model", "variable", "acts_on", "share", "gain", "selected", "shape")
+"""Required columns of maps.parquet; a map is the unexplained acceleration as a function of one variable."""
+
+_PROTOCOL_KEYS = ("code_hash", "seed_drawn", "master_seed", "truth_sha256")
+"""Required keys of protocol.json of a blind study, in which discovery is not told what effects are hidden."""
+
+_BLIND_KEYS = ("n_right", "n_cases", "n_drawn", "oracle_share", "n_oracles", "median_seconds")
+"""Required keys of summary.json of a blind study."""
+
 
 def evaluation_document(study: FinishedStudy) -> Document:
     """The document of an evaluation."""
     summary, remarks = study.table("summary", SUMMARY_COLUMNS), _remarks(study, "summary")
     decisions = study.table("decisions", DECISION_COLUMNS) if study.has_table("decisions") else None
     return document_of(study.config, summary, remarks, decisions=decisions, generated=study.generated)
+
+
+def discovery_document(study: FinishedStudy) -> Document:
+    """The document of a discovery."""
+    verdict = study.object("verdict.json", _VERDICT_KEYS)
+    # Maps are not written if discover.page is false.
+    maps = study.table("maps", _MAP_COLUMNS) if study.has_table("maps") else None
+    return discovery.document_of(study.config, verdict, maps)
+
+
+def blind_document(study: FinishedStudy) -> Document:
+    """The document of a blind study."""
+    summary, protocol = study.summary(_BLIND_KEYS), study.object("protocol.json", _PROTOCOL_KEYS)
+    # The table of strata is written for studies with broad priors only.
+    written = [name for name in blind.TABLES if name != blind.STRATA or summary.get(blind.STRATA)]
+    return blind.document_of(summary, {name: study.table(name) for name in written}, protocol)
 
 
 def sweep_document(study: FinishedStudy) -> Document:

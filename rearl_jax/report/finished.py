@@ -50,11 +50,7 @@ class FinishedStudy:
         return f"run it again with this version: rearl {self.task.words} study={self.config.study} ..."
 
     def table(self, name: str, columns: tuple[str, ...] = ()) -> pd.DataFrame:
-        """The Parquet table of that name.
-
-        Args:
-            name: Name of the file without its ending.
-            columns: Required columns.
+        """The Parquet table of that name, which must have these columns.
 
         Raises:
             FileNotFoundError, ValueError: The file does not exist, is not a Parquet file, or lacks a column.
@@ -142,11 +138,7 @@ class FinishedStudy:
 
 
 def read_finished(root: str, name: str) -> FinishedStudy:
-    """The study of that name.
-
-    Args:
-        root: Folder of all studies.
-        name: Folder of the study in it.
+    """The study of that name below the folder of all studies.
 
     Raises:
         FileNotFoundError: There is no such study, or it is not finished.

@@ -26,13 +26,12 @@ from rearl_jax.evaluation.host_policy import MakePolicy
 from rearl_jax.evaluation.inputs import Inputs, read_inputs
 from rearl_jax.evaluation.language_model import language_model
 from rearl_jax.evaluation.percentiles import thresholds_of
-from rearl_jax.evaluation.road import with_road
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row, compares_variants
 from rearl_jax.evaluation.runner import make_scorer, named_scenes, scored_chunks
 from rearl_jax.evaluation.scores import WITH_EFFECT, title_of
 from rearl_jax.evaluation.simulators import interventions
-from rearl_jax.evaluation.traffic import inputs_id
+from rearl_jax.evaluation.traffic import inputs_id, with_road
 from rearl_jax.problems import out_of_range
 from rearl_jax.progress import shown
 from rearl_jax.replay.scenes import Replay, ReplayedScene
@@ -52,12 +51,7 @@ class NoReplayError(ValueError):
 
 
 def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -> Replay:
-    """The chosen rollouts of a study.
-
-    Args:
-        study: A finished `rearl evaluate`.
-        options: Choice of scenes and run.
-        bar: Progress display.
+    """The chosen rollouts of a finished `rearl evaluate`.
 
     Raises:
         NoReplayError: The data are missing or others, or the rollouts are not those of the study.

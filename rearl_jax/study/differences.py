@@ -10,8 +10,8 @@ from rearl_jax.config.metrics import MapeDefinition
 from rearl_jax.config.study import Table1Config
 from rearl_jax.data.scenes.cutting import PAPER_SCENES
 from rearl_jax.data.scenes.scene_set import SceneSet
-from rearl_jax.evaluation.road import with_road
 from rearl_jax.evaluation.tables import source_names
+from rearl_jax.evaluation.traffic import with_road
 from rearl_jax.metrics.histograms import legacy_scale
 from rearl_jax.study.published import N_RUNS
 

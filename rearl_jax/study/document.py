@@ -99,16 +99,7 @@ def publish(
 ) -> None:
     """Writes `NAME.parquet` and publishes the document, see `publish_document`.
 
-    Args:
-        study: Folder of the study.
-        form: The form of the study.
-        config: Record of the task.
-        scenes: All scenes; None without data.
-        table: The long table.
-        summary: Flat figures.
-        remarks: Remarks on the table.
-        draw: Function that returns the figures, PNG by name, as in `publish_document`.
-        **metadata: Metadata of the table besides its provenance.
+    `scenes` are None without data; `metadata` of the table come besides its provenance.
     """
     study.write_table(form.name, table, **metadata, remarks=remarks.to_json())
     generated = scenes is not None and scenes.generated

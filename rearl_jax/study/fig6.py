@@ -85,10 +85,8 @@ def _draw(config: StudyFig6Task, series: list[ErrorSeries], *, generated: bool) 
 
 
 def thirds(table: pd.DataFrame) -> pd.DataFrame:
-    """Mean of every error in each third of the rollout, null if it has no second: `row`, `title`, `metric`, `ours`.
-
-    Args:
-        table: The long table.
+    """Mean of every error of a long table in each third of the rollout, null if it has no second: `row`, `title`,
+    `metric`, `ours`.
     """
     records = []
     for _, part in table.groupby(["row", "metric"], sort=False):

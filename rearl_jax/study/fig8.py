@@ -116,9 +116,8 @@ def _draw(folder: Path, clustering: dict, *, generated: bool) -> dict[str, bytes
 
 def _findings(clustering: dict) -> list[str]:
     sentences = [
-        f"{clustering['n_scenes']:,} scenes form {clustering['n_scene_clusters']} clusters, "
-        f"their tracks {clustering['k']}; "
-        f"the paper has {PAPER_SCENES}, {N_SCENE_CLUSTERS} and {N_TRACK_CLUSTERS}."
+        f"{clustering['n_scenes']:,} scenes form {clustering['n_scene_clusters']} clusters, their tracks "
+        f"{clustering['k']}; the paper has {PAPER_SCENES}, {N_SCENE_CLUSTERS} and {N_TRACK_CLUSTERS}."
     ]
     if clustering["n_scene_clusters"] < N_SCENE_CLUSTERS:
         sentences.append(

@@ -111,9 +111,9 @@ def _against_controls(title: str, rows: Sequence[RowDifferences]) -> list[str]:
         comparison = "; ".join(part for part in parts if part)
         if same or farther:
             end = (
-                " Controls do as well, so its choices do not explain the gain."
-                if not closer
-                else (" Not every control does worse, so a gain by its choices is not shown.")
+                " Not every control does worse, so a gain by its choices is not shown."
+                if closer
+                else " Controls do as well, so its choices do not explain the gain."
             )
         else:
             end = " All its controls do worse."
@@ -143,9 +143,8 @@ def _reliability(errors: Mapping[str, Sequence[RowDifferences]], n_scenes: int, 
         return [f"{n_scenes} held-out scene(s) give no intervals, so nothing can be distinguished."]
     by_chance = (1 - confidence) * len(differences)
     sentences = [
-        f"{len(differences)} intervals of {100 * confidence:g} % were computed; "
-        f"about {by_chance:.1f} of them would exclude "
-        "zero by chance alone."
+        f"{len(differences)} intervals of {100 * confidence:g} % were computed; about {by_chance:.1f} of them would "
+        "exclude zero by chance alone."
     ]
     if n_scenes < FEW_SCENES:
         sentences.append(

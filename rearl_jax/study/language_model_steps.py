@@ -57,11 +57,7 @@ class ModelSteps:
 
 @contextmanager
 def fresh_client(llm: LlmConfig, server: str) -> Iterator[Client]:
-    """A client without stored answers.
-
-    Args:
-        llm: Model, sampling and time-outs; its file of answers is not used.
-        server: Address, or `local`.
+    """A client of a server (its address, or `local`) without stored answers; the file of answers of `llm` is not used.
 
     Raises:
         ImportError: server=local, and the server or its model is not installed.

@@ -16,26 +16,15 @@ Record = TypeVar("Record")
 
 
 def begin(task: str, config: Any, data_id: str) -> Study:
-    """The folder of a study of recordings, with its configuration in it.
-
-    Args:
-        task: The task, as in `study table1`.
-        config: Record of the study.
-        data_id: Identity of the data.
-    """
+    """The folder of a study of recordings, such as `study table1`, with its configuration in it."""
     study = Study(config.results.root, config.study, config, task, data_id, generated=is_generated(config.data))
     study.write_config()
     return study
 
 
 def part_record(kind: type[Record], config: Any, study: str, **other: Any) -> Record:
-    """The record of a part; keys that both tasks have take the values of the study.
-
-    Args:
-        kind: Record of the part's task.
-        config: Record of the study.
-        study: Folder of the part, below results.root.
-        **other: Groups or keys of the part with different values.
+    """The record of a part in the folder `study` below results.root; keys that both tasks have take the values of the
+    study, except for the groups or keys in `other`.
     """
     names = {item.name for item in fields(kind)} & {item.name for item in fields(config)}  # type: ignore[arg-type]
     shared = {name: getattr(config, name) for name in names - {"study", "results"}}

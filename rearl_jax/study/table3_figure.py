@@ -8,13 +8,7 @@ from rearl_jax.study.published import PARETO_PAIRS
 
 
 def draw_pairs(pairs: pd.DataFrame, n_scenes: int, *, generated: bool) -> bytes:
-    """PNG of all pairs: left with base and intervals, right the pairs alone.
-
-    Args:
-        pairs: As in `pair_results.read_pairs`, base last.
-        n_scenes: Tuning scenes.
-        generated: Whether the recordings were generated, not measured.
-    """
+    """PNG of all pairs of `pair_results.read_pairs`, base last: left with base and intervals, right the pairs alone."""
     pairs, base = pairs.iloc[:-1], pairs.iloc[-1:]
     best, front = pairs.loc[pairs["is_best"]], pairs.loc[pairs["is_pareto"]].sort_values("h")
     figure, (left, right) = panels(10.0, 4.8, columns=2, generated=generated)

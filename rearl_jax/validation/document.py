@@ -26,14 +26,7 @@ _EXCEPTION = {
 def document_of(
     groups: pd.DataFrame, scenes: pd.DataFrame, summary: Mapping[str, Any], config: ValidationConfig
 ) -> Document:
-    """The document of a validation.
-
-    Args:
-        groups: The table `agreement.parquet`.
-        scenes: The table `scenes.parquet`.
-        summary: The figures of `summary.json`.
-        config: Tolerances.
-    """
+    """The document of a validation, from agreement.parquet, scenes.parquet and summary.json."""
     sections = [_agreement(groups, precision, summary, config) for precision in PRECISIONS]
     note = (
         "highway-env's own: difference between two runs of highway-env whose initial positions differ by one rounding "

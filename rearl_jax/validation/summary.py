@@ -43,10 +43,8 @@ def rows_with(table: pd.DataFrame, **values: str | int | bool) -> pd.DataFrame:
 
 
 def figures(scenes: pd.DataFrame) -> dict[str, float | int | None]:
-    """The figures of some scenes in one precision; None if a share has nothing to count.
-
-    Args:
-        scenes: Rows of `comparison.rows` with the column `agrees`.
+    """The figures of some scenes in one precision, from rows of `comparison.rows` with the column `agrees`; None if a
+    share has nothing to count.
     """
     either = _total(scenes, "lane_changes_either")
     return {

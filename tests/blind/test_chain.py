@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from rearl_jax.blind.traffic import Scenario
-from rearl_jax.blind.traffic.chain import KERNELS, correlated, release, smoothed, weights
+from rearl_jax.blind.traffic.chain import correlated, release, smoothed, weights
 from rearl_jax.blind.traffic.population import USUAL
+from rearl_jax.blind.traffic.priors import CHOICES
 from rearl_jax.blind.traffic.scenario import Chain
 from rearl_jax.blind.traffic.simulation import simulate
 
@@ -28,7 +29,7 @@ def true(events, column, late_by=0.0):
     return getattr(events, column)[steps]
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("kernel", CHOICES["kernel"])
 @pytest.mark.parametrize("deviation", [1.5, 4.0, 12.0])
 def test_a_kernel_is_as_wide_as_asked(kernel, deviation):
     values = weights(kernel, deviation)

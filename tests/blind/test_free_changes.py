@@ -9,8 +9,8 @@ from rearl_jax.blind.traffic import Planted, Scenario, write_dataset
 from rearl_jax.blind.traffic.catalogue import HIDDEN, LANE_CHOICE
 from rearl_jax.blind.traffic.scenario import FREE_CHANGES
 from rearl_jax.blind.traffic.simulation import simulate
-from rearl_jax.problems import InvalidInputError
 from tests.blind.driving_facts import facts
+from tests.refusal import refused
 
 SCENARIO = {**FREE_CHANGES, "n_recordings": 1, "n_vehicles": 150, "duration": 90.0}
 MARKS = dict.fromkeys({*LANE_CHOICE} - {"keep_right", "politeness"}, pytest.mark.thorough)
@@ -75,6 +75,5 @@ def test_polite_drivers_change_less(free):
 
 def test_effects_need_free_changes(tmp_path):
     assert not set(LANE_CHOICE) & set(HIDDEN)
-    with pytest.raises(InvalidInputError) as error:
+    with refused("out-of-range", key="free_changes"):
         write_dataset(tmp_path, Scenario(1, (Planted("keep_right"),)))
-    assert error.value.problem.key == "free_changes"

@@ -69,9 +69,8 @@ def test_no_litter(cli):
     ],
 )
 def test_mistakes_end_with_one_sentence(cli, capsys, words, code, key, nearest):
-    with pytest.raises(InvalidInputError) as caught:
+    with refused(code, key=key) as caught:
         cli.main([*words.split(), "--traceback"])
-    assert (caught.value.code, caught.value.problem.key) == (code, key)
     assert not nearest or f"nearest: {nearest}" in str(caught.value)
     assert cli.main(words.split()) == 2
     assert capsys.readouterr().err == f"rearl: {caught.value}\n"
@@ -93,16 +92,14 @@ def test_the_remedy_for_several_values_works(cli):
     assert (cli.ran[0].road.exits, cli.ran[0].study) == ((1.0, 3.0), "a,b")
 
 
-def test_error_of_the_file_system_is_for_the_user(cli, capsys):
-    cli.task.fail = lambda: open("missing.csv")
+@pytest.mark.parametrize(
+    ("fail", "said"),
+    [(lambda: open("missing.csv"), "missing.csv"), (lambda: Study("results", "../up", None, "drive far"), "'../up'")],
+)
+def test_errors_of_the_file_system_and_of_the_package_are_for_the_user(cli, capsys, fail, said):
+    cli.task.fail = fail
     assert cli.main(["drive", "far", "road.lanes=9"]) == 2
-    assert "missing.csv" in capsys.readouterr().err
-
-
-def test_error_raised_by_the_package_is_for_the_user(cli, capsys):
-    cli.task.fail = lambda: Study("results", "../up", None, "drive far")
-    assert cli.main(["drive", "far", "road.lanes=9"]) == 2
-    assert "'../up'" in capsys.readouterr().err
+    assert said in capsys.readouterr().err
 
 
 def test_error_of_a_library_keeps_its_traceback(cli):
@@ -134,10 +131,8 @@ def test_own_configuration_folder_and_an_unknown_key_in_a_file_of_it(cli, tmp_pa
     assert cli.main(command) == 0
     assert cli.ran[0].road.lanes == 3
     file.write_text("lengths: 3\n")
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("key-unknown", key="road.lengths", file="road/bridge.yaml"):
         cli.main(command)
-    problem = caught.value.problem
-    assert (problem.code, problem.key, problem.file) == ("key-unknown", "road.lengths", "road/bridge.yaml")
 
 
 def test_print_configuration(cli, capsys):

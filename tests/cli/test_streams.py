@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from rearl_jax.progress import progress_bar
+
 PRINTING = """
 import sys
 from rearl_jax.cli.streams import make_writable
@@ -95,8 +97,6 @@ def test_json_on_a_closed_output_is_no_error(tmp_path):
 
 
 def test_a_progress_bar_needs_no_standard_error(monkeypatch):
-    from rearl_jax.progress import progress_bar
-
     monkeypatch.setattr(sys, "stderr", None)
     with progress_bar() as bar:
         assert bar.disable

@@ -3,7 +3,7 @@
 import pytest
 
 from rearl_jax.config.scenes import ScenesConfig, TracksConfig
-from rearl_jax.problems import InvalidInputError
+from tests.refusal import refused
 
 
 def test_stride_follows_seconds_unless_given():
@@ -28,7 +28,5 @@ def test_defaults_are_sound():
     ],
 )
 def test_values_out_of_range_are_refused_by_their_key(record, key, value):
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("out-of-range", key=key, value=value):
         record.check()
-    problem = caught.value.problem
-    assert (problem.code, problem.key, problem.value) == ("out-of-range", key, value)

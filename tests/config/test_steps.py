@@ -1,7 +1,7 @@
 import pytest
 
 from rearl_jax.config.study import StepsConfig
-from rearl_jax.problems import InvalidInputError
+from tests.refusal import refused
 
 
 def test_steps_can_be_left_out():
@@ -20,6 +20,5 @@ def test_steps_can_be_left_out():
     ],
 )
 def test_ranges(changed, key):
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("out-of-range", key=key):
         StepsConfig(**changed).check()
-    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)

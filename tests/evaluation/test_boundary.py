@@ -14,7 +14,9 @@ from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope
 from rearl_jax.config.scenes import BoundarySource, ScenesConfig, SpeedConfig, SpeedNorm
 from rearl_jax.core.replayed import NOT_RECORDED
 from rearl_jax.core.rollout import Frames
+from rearl_jax.data.scenes import boundary_cache
 from rearl_jax.data.scenes.boundary import SceneBoundary
+from rearl_jax.evaluation import figures
 from rearl_jax.evaluation.boundaries import check_boundary, recorded_boundary
 from rearl_jax.evaluation.positions import overlaps, position_extra, position_figures, positions_of
 from rearl_jax.evaluation.rollouts import Rollouts
@@ -24,6 +26,7 @@ from rearl_jax.evaluation.scores import Scores
 from rearl_jax.evaluation.simulators import Simulated
 from rearl_jax.replay.embedding import positions, replay_data
 from rearl_jax.replay.scenes import Decision, Replay, ReplayedScene
+from rearl_jax.workflows import cut_scenes
 from tests.refusal import refused
 
 MEASURED = EvaluateTask(scenes=ScenesConfig(boundary=BoundarySource.measured))
@@ -56,9 +59,6 @@ def test_given_scenes_have_no_surroundings():
 
 
 def test_surroundings_are_read_once(monkeypatch, tmp_path):
-    from rearl_jax.data.scenes import boundary_cache
-    from rearl_jax.workflows import cut_scenes
-
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     scenes, subset = cut_scenes(), np.array([2, 5])
     first = recorded_boundary(MEASURED, scenes, subset)
@@ -162,8 +162,6 @@ def test_vehicles_inside_replayed_ones_are_counted(scenes):
 
 
 def test_the_space_time_diagram_joins_no_two_vehicles(scenes, monkeypatch):
-    from rearl_jax.evaluation import figures
-
     boundary, drawn = boundary_of(scenes).select(np.array([2])), []
     boundary.track_id[:, :6, 1:], boundary.track_id[:, 6:, 1:] = 1000 + np.arange(3), 1000 + np.arange(3)
     frames = frames_at(boundary.x, boundary.lane)

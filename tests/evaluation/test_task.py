@@ -4,10 +4,25 @@ import json
 import re
 from dataclasses import replace
 
+import jax
+import matplotlib.image
 import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax import console
+from rearl_jax.data.scenes.scene_set import recorded_lane_change_rate
+from rearl_jax.document.terminal import print_document, text_of
+from rearl_jax.evaluation.document import document_of
+from rearl_jax.evaluation.figures import errors_over_time, speed_histogram
+from rearl_jax.evaluation.remarks import Remarks
+from rearl_jax.evaluation.runner import example_scene
+from rearl_jax.evaluation.scores import REAL_VS_REAL
+from rearl_jax.evaluation.task import documented
+from rearl_jax.metrics import METRICS
+from rearl_jax.report.documents import evaluation_document
+from rearl_jax.report.finished import read_finished
+from rearl_jax.results import read_metadata
 from tests.refusal import refused
 
 ROWS = ["base", "real_vs_real", "noise_floor", "real"]
@@ -20,8 +35,6 @@ def test_folder_holds_every_file_and_nothing_half_written(done):
 
 
 def test_summary_is_one_flat_object_per_row_with_the_documented_keys(done):
-    from rearl_jax.metrics import METRICS
-
     stored = json.loads((done.folder / "summary.json").read_text())
     assert [row["method"] for row in stored] == ROWS
     documented = "method h mape_a mape_b mape_c thw lcr collisions realism n_scenes n_rollouts seconds".split()
@@ -87,8 +100,6 @@ def test_partners_are_other_scenes(done):
 
 
 def test_real_rows_are_the_scenes_own(done):
-    from rearl_jax.data.scenes.scene_set import recorded_lane_change_rate
-
     scenes, held_out = done.evaluation.scenes, done.evaluation.held_out
     runs = done.table("runs").set_index(["method", "scene_id"])
     np.testing.assert_allclose(
@@ -102,8 +113,6 @@ def test_real_rows_are_the_scenes_own(done):
 
 
 def test_metadata_says_where_the_tables_come_from(done):
-    from rearl_jax.results import read_metadata
-
     for name in ("runs", "frames", "summary"):
         stored = read_metadata(done.folder / f"{name}.parquet")
         assert stored["task"] == "evaluate"
@@ -128,17 +137,11 @@ def test_printed_table_holds_the_reference_rows_and_never_praises_more_headway(d
 
 
 def test_the_document_is_the_same_from_memory_and_from_the_folder(done):
-    from rearl_jax.evaluation.task import documented
-    from rearl_jax.report.documents import evaluation_document
-    from rearl_jax.report.finished import read_finished
-
     stored = read_finished(str(done.folder.parent), done.folder.name)
     assert evaluation_document(stored) == documented(done.evaluation, done.estimates)
 
 
 def test_figures_are_pictures_of_some_size(done):
-    import matplotlib.image
-
     for path in done.folder.glob("*.png"):
         picture = matplotlib.image.imread(path)
         assert min(picture.shape[:2]) >= 500
@@ -146,10 +149,6 @@ def test_figures_are_pictures_of_some_size(done):
 
 
 def test_generated_data_are_marked_everywhere(done):
-    from rearl_jax.document.terminal import text_of
-    from rearl_jax.evaluation.figures import speed_histogram
-    from rearl_jax.evaluation.task import documented
-
     scenes = done.evaluation.scenes
     infos = tuple(replace(info, generated=True) for info in scenes.infos)
     evaluation = replace(done.evaluation, scenes=replace(scenes, infos=infos))
@@ -157,25 +156,19 @@ def test_generated_data_are_marked_everywhere(done):
     assert speed_histogram(done.config, evaluation) != speed_histogram(done.config, done.evaluation)
 
 
-def document_of(done, **columns):
+def document_with(done, **columns):
     """The document of a summary with other columns."""
-    from rearl_jax.evaluation.document import document_of
-    from rearl_jax.evaluation.remarks import Remarks
-
     summary = done.table("summary").assign(**columns)
     return document_of(done.config, summary, Remarks(), decisions=None, generated=False)
 
 
 def test_narrow_terminal_loses_intervals_and_nothing_else(done, monkeypatch, capsys):
-    from rearl_jax import console
-    from rearl_jax.document.terminal import print_document
-
     class Narrow(console.Console):
         def __init__(self, **options):
             super().__init__(force_terminal=True, color_system=None, **({"width": 84} | options))
 
     monkeypatch.setattr(console, "Console", Narrow)
-    print_document(document_of(done, sd=0.012))
+    print_document(document_with(done, sd=0.012))
     printed = capsys.readouterr().out
     assert "…" not in printed
     assert "intervals: page.html" in printed
@@ -184,7 +177,7 @@ def test_narrow_terminal_loses_intervals_and_nothing_else(done, monkeypatch, cap
 
 
 def test_a_change_to_base_is_part_of_verdict_notes_and_table_of_all_metrics(done):
-    changed = document_of(done, less_base=-0.1, less_base_low=-0.2, less_base_high=0.05)
+    changed = document_with(done, less_base=-0.1, less_base_low=-0.2, less_base_high=0.05)
     assert ", a change of -0.100 (-0.200 to +0.050) to base;" in changed.verdict
     assert "base less base, from the same initial states: H -0.100 (-0.200 to +0.050)" in changed.sections[0].notes[1]
     (table,) = changed.sections[1].tables
@@ -203,8 +196,6 @@ def test_summary_table_compares_row_by_row(done):
 
 
 def test_unknown_example_stops(done):
-    from rearl_jax.evaluation.runner import example_scene
-
     scenes, held_out = done.evaluation.scenes, done.evaluation.held_out
     ids = scenes.scene_id[held_out]
     assert example_scene(scenes, held_out, int(ids[2])) == held_out[2]
@@ -217,13 +208,6 @@ def test_unknown_example_stops(done):
 
 
 def test_a_scene_without_another_one_is_drawn_and_told(done):
-
-    import jax
-
-    from rearl_jax.evaluation.figures import errors_over_time
-    from rearl_jax.evaluation.scores import REAL_VS_REAL
-    from rearl_jax.evaluation.task import documented
-
     evaluation = done.evaluation
     others = evaluation.row(REAL_VS_REAL)
     arrays = {name: getattr(others, name)[:0] for name in ("scene", "run", "partner")}

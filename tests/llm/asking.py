@@ -1,5 +1,7 @@
-"""Questions and configurations for the tests of the client."""
+"""Questions and configurations for the tests of the client, and processes that ask at the same time."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 from rearl_jax.config.llm import LlmConfig, Profile
@@ -39,3 +41,22 @@ def make_config(folder: Path, **changes) -> LlmConfig:
 def outcomes(answers: list[Answer]) -> list[tuple[int, str, str]]:
     """Results that must be the same in every run: action, cause, digest."""
     return [(answer.action, answer.cause.name, answer.digest) for answer in answers]
+
+
+def run_together(program: str, *arguments: list[str]) -> list[str]:
+    """What processes print that run a program with these words: each prints `ready`, then waits for a line."""
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    processes = [subprocess.Popen([sys.executable, "-c", program, *words], text=True, **pipes) for words in arguments]
+    for process in processes:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+    for process in processes:
+        assert process.stdin is not None
+        process.stdin.write("go\n")
+        process.stdin.flush()
+    printed = []
+    for process in processes:
+        out, error = process.communicate(timeout=60)
+        assert process.returncode == 0, error
+        printed.append(out)
+    return printed

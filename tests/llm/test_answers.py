@@ -3,8 +3,6 @@
 import contextlib
 import os
 import sqlite3
-import subprocess
-import sys
 from dataclasses import replace
 
 import pytest
@@ -13,9 +11,9 @@ from rearl_jax.config.llm import LlmConfig, Profile
 from rearl_jax.llm.answers import Answers, answers_path
 from rearl_jax.llm.client import Client
 from rearl_jax.llm.records import Cause, Reply
-from rearl_jax.problems import InvalidInputError
-from tests.llm.asking import make_config, make_questions, outcomes
+from tests.llm.asking import make_config, make_questions, outcomes, run_together
 from tests.llm.stub import Stub
+from tests.refusal import refused
 
 
 def reply(text: str, **fields) -> Reply:
@@ -96,9 +94,8 @@ def test_a_file_that_cannot_be_used_is_refused_and_left_alone(tmp_path, damage, 
         with contextlib.closing(sqlite3.connect(path)) as database:
             database.executescript(f"CREATE TABLE answers (digest TEXT); {version}")
     before = path.read_bytes()
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("answers-unreadable"):
         Answers(path, read_only=read_only)
-    assert caught.value.code == "answers-unreadable"
     assert path.read_bytes() == before
 
 
@@ -117,10 +114,9 @@ def test_damage_found_during_a_run_is_an_input_error(tmp_path, replay):
         with Client(config, stub.url) as client:
             client.submit(questions).result()
         damage_the_middle(tmp_path / "answers.sqlite")
-        with pytest.raises(InvalidInputError) as caught:
+        with refused("answers-unreadable"):
             with Client(config, stub.url, replay=replay) as client:
                 client.submit(questions).result()
-        assert caught.value.code == "answers-unreadable"
     assert len(stub.chats) == 200
 
 
@@ -133,9 +129,8 @@ def test_a_stored_value_of_another_type_is_an_input_error(tmp_path, column, valu
     fill(path, 1)
     with contextlib.closing(sqlite3.connect(path, isolation_level=None)) as database:
         database.execute(f"UPDATE answers SET {column} = {value}")
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("answers-unreadable", file=str(path)) as caught:
         Answers(path, read_only=True).find([f"{0:064x}"])
-    assert (caught.value.code, caught.value.problem.file) == ("answers-unreadable", str(path))
     assert column in caught.value.problem.fault
     assert "llm.cache" in caught.value.problem.remedy
 
@@ -143,16 +138,14 @@ def test_a_stored_value_of_another_type_is_an_input_error(tmp_path, column, valu
 def test_a_file_that_cannot_be_written_is_an_input_error(tmp_path):
     (tmp_path / "file").write_text("")
     for place in (tmp_path / "file" / "a.sqlite", tmp_path):
-        with pytest.raises(InvalidInputError) as caught:
+        with refused("answers-not-kept"):
             Answers(place)
-        assert caught.value.code == "answers-not-kept"
 
 
 def test_an_empty_file_cannot_be_replayed(tmp_path):
     (tmp_path / "a.sqlite").write_bytes(b"")
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("answers-unreadable"):
         Answers(tmp_path / "a.sqlite", read_only=True)
-    assert caught.value.code == "answers-unreadable"
     Answers(tmp_path / "a.sqlite").close()
 
 
@@ -214,20 +207,7 @@ for start in [*range(first, 400, 20), *range(0, first, 20)]:
 def test_processes_that_write_at_the_same_time_use_the_same_answers(tmp_path):
     """Every answer is stored once, although all processes create and fill the file."""
     path = tmp_path / "a.sqlite"
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    processes = [subprocess.Popen([sys.executable, "-c", WRITER, path, name], **pipes) for name in "xyz"]
-    for process in processes:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "ready\n"
-    for process in processes:
-        assert process.stdin is not None
-        process.stdin.write("go\n")
-        process.stdin.flush()
-    printed = []
-    for process in processes:
-        out, error = process.communicate(timeout=60)
-        assert process.returncode == 0, error
-        printed.append(sorted(out.splitlines()))
+    printed = [sorted(out.splitlines()) for out in run_together(WRITER, *([str(path), name] for name in "xyz"))]
     assert printed[0] == printed[1] == printed[2]
     answers = Answers(path)
     assert len(answers) == 400

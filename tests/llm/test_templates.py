@@ -6,8 +6,9 @@ import pytest
 
 from rearl_jax.llm.records import Message
 from rearl_jax.llm.template import load_template
-from rearl_jax.problems import InvalidInputError, MissingInputError
+from rearl_jax.problems import MissingInputError
 from tests.llm.situations import ask_small
+from tests.refusal import refused
 
 
 def write_template(folder, text) -> Path:
@@ -58,20 +59,16 @@ BROKEN = {
 def test_an_error_in_a_template_names_file_line_and_fault(tmp_path, name):
     text, code, line, named = BROKEN[name]
     template = str(write_template(tmp_path, text))
-    with pytest.raises(InvalidInputError) as caught:
+    with refused(code, file=template, line=line) as caught:
         ask_small(template=template)
-    problem = caught.value.problem
-    assert (problem.code, problem.file, problem.line) == (code, template, line)
-    assert named in problem.fault
+    assert named in caught.value.problem.fault
     assert "\n" not in str(caught.value)
 
 
 def test_a_template_that_is_missing_or_not_text_is_an_error(tmp_path):
     for wrong in (tmp_path / "missing.j2", tmp_path):
-        with pytest.raises(MissingInputError) as caught:
+        with refused("file-missing", MissingInputError, key="prompt.template"):
             load_template(str(wrong))
-        assert (caught.value.code, caught.value.problem.key) == ("file-missing", "prompt.template")
     (tmp_path / "own.j2").write_bytes(b"{% block system %}\xff")
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("not-text", file=str(tmp_path / "own.j2")):
         load_template(str(tmp_path / "own.j2"))
-    assert (caught.value.code, caught.value.problem.file) == ("not-text", str(tmp_path / "own.j2"))

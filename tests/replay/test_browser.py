@@ -10,6 +10,12 @@ import time
 
 import pytest
 
+from rearl_jax.config import EvaluateTask
+from rearl_jax.document.document import Document, Section
+from rearl_jax.document.html import page_of
+from rearl_jax.document.table import Cell, Row, Table
+from rearl_jax.replay.player import player_of
+
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
 
 pytestmark = [
@@ -108,11 +114,6 @@ class Tab:
 @pytest.fixture
 def page(replay, tmp_path):
     """The address of a page with a player."""
-    from rearl_jax.config import EvaluateTask
-    from rearl_jax.document.document import Document
-    from rearl_jax.document.html import page_of
-    from rearl_jax.replay.player import player_of
-
     document = Document("Scenes", "They drift.", (), "evaluate", generated=False)
     path = tmp_path / "page.html"
     path.write_text(page_of(document, EvaluateTask(), {}, player=player_of(replay)), encoding="utf-8")
@@ -186,11 +187,6 @@ def test_the_replay_plays(page, tab, width, scheme):
 @pytest.fixture
 def wide_page(tmp_path):
     """The address of a page with a table of many columns."""
-    from rearl_jax.config import EvaluateTask
-    from rearl_jax.document.document import Document, Section
-    from rearl_jax.document.html import page_of
-    from rearl_jax.document.table import Cell, Row, Table
-
     headings = tuple(f"metric {number}" for number in range(9))
     row = Row(
         "+ start and desired speeds as recorded", tuple(Cell("0.453 ± 0.077", "0.412 to 0.484") for _ in headings)

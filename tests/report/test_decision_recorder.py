@@ -6,18 +6,22 @@ import jax
 import numpy as np
 import pytest
 
+from rearl_jax.config import EvaluateTask
+from rearl_jax.config.decision import PolicyName
+from rearl_jax.config.evaluation import Method
+from rearl_jax.evaluation.inputs import read_inputs
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row
+from rearl_jax.evaluation.simulators import interventions
+from rearl_jax.progress import progress_bar
+from rearl_jax.report.decision_recorder import DecisionRecorder, policy_of
+from rearl_jax.results import Study
 from tests.evaluation.conftest import representatives
 
 
 @pytest.fixture(scope="module")
 def intervening(tmp_path_factory):
     """Scenes of the shipped recordings, references from two of them, and a configuration that intervenes often."""
-    from rearl_jax.config import EvaluateTask
-    from rearl_jax.config.evaluation import Method
-    from rearl_jax.evaluation.inputs import read_inputs
-    from rearl_jax.progress import progress_bar
-    from rearl_jax.results import Study
-
     config = EvaluateTask(method=Method.rearl)
     config = replace(config, core=replace(config.core, collisions=False), eval=replace(config.eval, n_runs=2))
     with progress_bar() as bar:
@@ -29,12 +33,6 @@ def intervening(tmp_path_factory):
 @pytest.mark.slow
 def test_a_recorded_policy_gives_the_same_traffic_and_counts(intervening):
     """With the policy that draws at random, which also needs the random keys of the rollouts."""
-    from rearl_jax.config.decision import PolicyName
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.rows import Row
-    from rearl_jax.evaluation.simulators import interventions
-    from rearl_jax.report.decision_recorder import DecisionRecorder, policy_of
-
     config, scenes, references = intervening
     config = replace(config, decision=replace(config.decision, policy=PolicyName.random_admissible))
     acts = interventions(config)

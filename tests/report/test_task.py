@@ -8,7 +8,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.problems import InvalidInputError, ProblemError
+from rearl_jax.config import DiscoverBlindTask, PrepareTask, StudyTable1Task, SweepThresholdsTask
+from rearl_jax.evaluation.inputs import read_inputs
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row
+from rearl_jax.problems import ProblemError
+from rearl_jax.progress import progress_bar
+from rearl_jax.replay.embedding import positions
+from rearl_jax.results import Study
+from rearl_jax.sweep.document import document_of
+from tests.blind.made_tables import PROTOCOL, SUMMARY, TABLES
 from tests.refusal import refused
 
 
@@ -60,6 +69,14 @@ def words(page):
     return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page))
 
 
+def reported_words(make_report, root, study):
+    """The words of the page that is made of a study, which needs nothing but itself."""
+    make_report(root, study)
+    page = (root / study / "page.html").read_text()
+    check_alone(page)
+    return words(page)
+
+
 def test_an_evaluation_is_reported_with_intervals_and_provenance(reported):
     seen = check_alone(reported.page)
     text = words(reported.page)
@@ -95,13 +112,6 @@ def test_the_page_of_the_task_says_the_same_and_replays_its_example(reported, ma
 
 def test_the_replay_is_the_rollout_of_the_study(reported):
     """Positions are those of the same functions `rearl evaluate` calls, to the centimetre."""
-    from rearl_jax.evaluation.inputs import read_inputs
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.rows import Row
-    from rearl_jax.progress import progress_bar
-    from rearl_jax.replay.embedding import positions
-    from rearl_jax.results import Study
-
     with progress_bar() as bar:
         study = Study(reported.root, "other", reported.config, "evaluate")
         scenes = read_inputs(reported.config, study, bar, with_references=False).scenes
@@ -137,11 +147,9 @@ def test_scenes_path_and_replay_are_as_asked_for(reported, make_report, read_rep
     found, _ = make_report(reported.root, "quick", replay=False, path=str(tmp_path / "without.html"))
     assert found["scenes"] == []
     assert "replay-data" not in (tmp_path / "without.html").read_text()
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("scene-not-held-out", key="report.scenes", value=999) as caught:
         make_report(reported.root, "quick", scenes=(999,))
-    problem = caught.value.problem
-    assert (problem.code, problem.key, problem.value) == ("scene-not-held-out", "report.scenes", 999)
-    assert str(some[0]) in problem.fault
+    assert str(some[0]) in caught.value.problem.fault
     with refused("out-of-range", key="report.run"):
         make_report(reported.root, "quick", run=7)
 
@@ -190,18 +198,13 @@ def test_a_discovery_is_reported_with_its_verdict_and_hostile_names_are_text(dis
 
 
 def test_a_sweep_is_reported_with_its_pairs(make_study, make_report):
-    from rearl_jax.config import SweepThresholdsTask
-
     summary = {"n_pairs": 2, "n_rollouts": 30, "best_h_pct": 10.0, "best_m_pct": 5.0, "best_score": 0.5}
     summary |= {"base_score": 0.7, "best_win_share": 0.9, "lead": 0.1, "lead_low": 0.05, "lead_high": 0.2}
     table = pd.DataFrame({"h_pct": [5.0, 10.0], "m_pct": [5.0, 5.0], "score": [0.6, 0.5], "win_share": [0.1, 0.9]})
     root = make_study(
         "sweep", "sweep thresholds", SweepThresholdsTask(), summary | {"is_distinguishable": True}, {"table3": table}
     )
-    make_report(root, "sweep")
-    page = (root / "sweep" / "page.html").read_text()
-    check_alone(page)
-    text = words(page)
+    text = reported_words(make_report, root, "sweep")
     assert "the percentiles 10 % / 5 % leave the least error, 0.500 compared with 0.700 without interventions" in text
     assert "can distinguish it from the next" in text
     assert "lead of 10 % / 5 % over 5 % / 5 %: 0.1000, 95 % bootstrap interval over scenes 0.0500 to 0.2000" in text
@@ -209,9 +212,6 @@ def test_a_sweep_is_reported_with_its_pairs(make_study, make_report):
 
 
 def test_a_sweep_of_one_scene_or_one_pair_tells_none_apart():
-    from rearl_jax.config import SweepThresholdsTask
-    from rearl_jax.sweep.document import document_of
-
     summary = {"n_pairs": 2, "n_rollouts": 2, "best_score": 0.5, "base_score": 0.7, "is_distinguishable": False}
     summary |= {"lead": 0.1, "lead_low": None, "lead_high": None}
     table = pd.DataFrame({"h_pct": [5.0, 10.0], "m_pct": [5.0, 5.0], "score": [0.6, 0.5], "win_share": [0.0, 1.0]})
@@ -223,8 +223,6 @@ def test_a_sweep_of_one_scene_or_one_pair_tells_none_apart():
 
 
 def test_a_study_beside_the_paper_is_reported_with_both(make_study, make_report):
-    from rearl_jax.config import StudyTable1Task
-
     table = pd.DataFrame(
         {
             "row": ["base", "rearl"],
@@ -251,63 +249,47 @@ def test_a_study_beside_the_paper_is_reported_with_both(make_study, make_report)
 
 
 def test_a_blind_study_is_reported_with_its_rates(make_study, make_report):
-    from rearl_jax.config import DiscoverBlindTask
-    from tests.blind.made_tables import PROTOCOL, SUMMARY, TABLES
-
     root = make_study("blind", "discover blind", DiscoverBlindTask(), SUMMARY, TABLES, protocol=PROTOCOL)
-    make_report(root, "blind")
-    page = (root / "blind" / "page.html").read_text()
-    check_alone(page)
-    text = words(page)
+    text = reported_words(make_report, root, "blind")
     assert "Discovery was right about 2 of 3 data sets" in text
     assert "effects named 2 3 66.7 9.0 to 99.0 ≥ 95 % no" in text
 
 
 def test_what_is_no_finished_study_is_refused_with_the_remedy(discovery, make_report, make_study):
-    from rearl_jax.config import PrepareTask
-
-    def refused(name):
-        with pytest.raises(ProblemError) as caught:
+    def said_of(name, code, **fields):
+        with refused(code, ProblemError, **fields) as caught:
             make_report(discovery, name)
-        problem = caught.value.problem
-        return problem.code, problem.key or problem.file, str(caught.value)
+        return str(caught.value)
 
-    code, key, said = refused("missing")
-    assert (code, key) == ("study-missing", "study")
-    assert "finished studies there: found" in said
-    assert refused("../found")[:2] == ("name-unusable", "study")
+    assert "finished studies there: found" in said_of("missing", "study-missing", key="study")
+    said_of("../found", "name-unusable", key="study")
     (discovery / "empty").mkdir()
-    assert refused("empty")[:2] == ("no-study", str(discovery / "empty"))
+    said_of("empty", "no-study", key=None, file=str(discovery / "empty"))
     make_study("tables", "prepare", PrepareTask(), {"n": 1})
-    code, key, said = refused("tables")
-    assert (code, key) == ("no-report", "study")
-    assert "evaluate, discover" in said
+    assert "evaluate, discover" in said_of("tables", "no-report", key="study")
     (discovery / "found" / "summary.json").unlink()
-    assert refused("found")[:2] == ("study-unfinished", str(discovery / "found"))
+    said_of("found", "study-unfinished", key=None, file=str(discovery / "found"))
 
 
 def test_a_study_of_an_older_version_is_refused_with_the_key(discovery, make_report):
     folder = discovery / "found"
 
-    def refused(file):
-        with pytest.raises(InvalidInputError) as caught:
+    def check(file, code, key):
+        with refused(code, key=key, file=str(folder / file)) as caught:
             make_report(discovery, "found")
-        problem = caught.value.problem
-        assert problem.file == str(folder / file)
-        assert "with this version" in problem.remedy
-        return problem.code, problem.key
+        assert "with this version" in caught.value.problem.remedy
 
     verdict = json.loads((folder / "verdict.json").read_text())
     del verdict["lane_choice"]
     (folder / "verdict.json").write_text(json.dumps(verdict))
-    assert refused("verdict.json") == ("key-missing", "lane_choice")
+    check("verdict.json", "key-missing", "lane_choice")
     config = json.loads((folder / "config.json").read_text())
     (folder / "config.json").write_text(json.dumps(config | {"data": config["data"] | {"kind": "us101"}}))
-    assert refused("config.json") == ("key-unknown", "data.kind")
+    check("config.json", "key-unknown", "data.kind")
     (folder / "summary.json").write_text('{"task": "discover"}')
-    assert refused("summary.json") == ("provenance-missing", None)
+    check("summary.json", "provenance-missing", None)
     (folder / "summary.json").write_text("{")
-    assert refused("summary.json") == ("not-json", None)
+    check("summary.json", "not-json", None)
 
 
 def test_figures_that_other_code_named_otherwise_are_refused(discovery, make_report):
@@ -320,9 +302,8 @@ def test_figures_that_other_code_named_otherwise_are_refused(discovery, make_rep
         make_report(discovery, "found")
     summary = json.loads((folder / "summary.json").read_text())
     (folder / "summary.json").write_text(json.dumps(summary | {"code_hash": "0123456789abcdef"}))
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("key-missing") as caught:
         make_report(discovery, "found")
-    assert caught.value.code == "key-missing"
     assert "z_score" in str(caught.value)
 
 
@@ -333,7 +314,6 @@ def test_keys_that_did_not_exist_then_have_their_defaults(discovery, make_report
     file.write_text(json.dumps(config))
     summary = json.loads((discovery / "found" / "summary.json").read_text())
     (discovery / "found" / "summary.json").write_text(json.dumps(summary | {"config_hash": "of_another_time"}))
-    make_report(discovery, "found")
-    text = words((discovery / "found" / "page.html").read_text())
+    text = reported_words(make_report, discovery, "found")
     assert "Keys that did not exist when the study was made are listed with their defaults." in text
     assert "configuration of_another_time" in text

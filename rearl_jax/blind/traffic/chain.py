@@ -8,9 +8,6 @@ from rearl_jax.blind.traffic.measurement import LANE_WIDTH, LATERAL_NOISE, PAD, 
 from rearl_jax.blind.traffic.scenario import Chain, Scenario
 from rearl_jax.blind.traffic.simulation import Events
 
-KERNELS = ("gaussian", "moving_average", "triangular", "exponential")
-"""Smoothing kernels; all are symmetric in time."""
-
 
 def release(scenario: Scenario, chain: Chain, events: Events) -> Frames:
     """The columns as the data provider releases them."""
@@ -57,7 +54,7 @@ def smoothed(values: np.ndarray, kernel: str, deviation: float) -> np.ndarray:
 
 
 def weights(kernel: str, deviation: float) -> np.ndarray:
-    """Weights of a kernel, of sum 1; the standard deviation is in frames."""
+    """Weights of a kernel, of sum 1, symmetric in time; the standard deviation is in frames."""
     reach = np.ceil(5.0 * deviation) + 1.0
     frame = np.arange(-reach, reach + 1.0)
     if kernel == "gaussian":

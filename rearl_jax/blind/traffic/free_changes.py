@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from rearl_jax.blind.traffic.effect import HiddenEffect
-from rearl_jax.blind.traffic.scenario import Scenario
 from rearl_jax.blind.traffic.snapshot import Choice, Snapshot
 
 PERIOD = 25
@@ -36,7 +35,7 @@ READINESS = 0.4
 class FreeChanges:
     """Times and drivers of lane changes, by their gains."""
 
-    def __init__(self, scenario: Scenario, n: int, effects: Sequence[HiddenEffect], rng: np.random.Generator) -> None:
+    def __init__(self, n: int, effects: Sequence[HiddenEffect], rng: np.random.Generator) -> None:
         self._effects, self._rng = effects, rng
         self._changed = np.full(n, -np.inf)
 

@@ -74,7 +74,7 @@ def measure(scenario: Scenario, events: Events) -> Frames:
         return column[first : first + n_frames]
 
     road_start, road_length = seen_road(scenario, events)
-    lane, lateral = _across(scenario, events, time[pad : pad + n_frames], rng)
+    lane, lateral = _across(events, time[pad : pad + n_frames], rng)
     delay = {name: 0.5 * fault.get(name, 0.0) for name in ("position_lag", "speed_lag")}
     return Frames(
         released(position, delay["position_lag"]) - road_start,
@@ -121,9 +121,7 @@ def _errors(
     return np.clip(size * drawn, -GATE, GATE)
 
 
-def _across(
-    scenario: Scenario, events: Events, time: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+def _across(events: Events, time: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Lane and lateral position [m] in every frame."""
     steps = np.searchsorted(events.time, time - 1e-6)
     lane = events.lane[steps]

@@ -24,9 +24,6 @@ BOUNDS = {
     "comfort_decel": (0.8, 5.0),
 }
 
-SHAPES = ("normal", "uniform", "heavy_tails")
-"""Distributions of the logarithm of a parameter: normal, uniform, Student's t with 4 degrees of freedom."""
-
 
 @dataclass(frozen=True)
 class DriverParameter:
@@ -56,7 +53,8 @@ class Population:
         parameters: Parameters of the drivers.
         truck_share: Share of trucks among followers [-].
         correlation: Correlation matrix of the normal scores of the parameters; None if they are independent.
-        shape: One of SHAPES.
+        shape: Distribution of the logarithm of a parameter: "normal", "uniform" or "heavy_tails" (Student's t with 4
+            degrees of freedom).
     """
 
     parameters: tuple[DriverParameter, ...]

@@ -31,7 +31,8 @@ class Chain:
     """What the provider of the data does to them between measurement and release. Only the broad priors draw it.
 
     Attributes:
-        kernel: Smoothing of positions and speeds before their release, one of `chain.KERNELS`; "none" for no smoothing.
+        kernel: Smoothing of positions and speeds before their release, a kernel of `priors.CHOICES`; "none" for no
+            smoothing.
         kernel_time: Standard deviation of the kernel [s].
         speed: Source of the speed column: "positions" or "sensor".
         slope_time: Length of the window [s] in which a parabola is fitted to the positions; its slope is the speed.

@@ -90,7 +90,7 @@ def simulate(scenario: Scenario) -> Events:
     wander = np.clip(WANDER * _ornstein_uhlenbeck(n_steps, now.n, WANDER_TIME, streams[4]), -0.65, 0.65)
     changes = ForcedChanges(scenario, now.n, streams[2])
     if scenario.free_changes:
-        changes = FreeChanges(scenario, now.n, effects, streams[2])
+        changes = FreeChanges(now.n, effects, streams[2])
     log, n_emergencies, effect_size = _drive(scenario, now, effects, profiles, noise, wander, changes)
     time = SUB_STEP * np.arange(n_steps) - WARM_UP
     return Events(

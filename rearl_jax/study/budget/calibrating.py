@@ -100,12 +100,8 @@ def _calibrated(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarray)
 
 
 def without_scenes(recordings: Iterable[Recording], scenes: SceneSet, held_out: np.ndarray) -> Iterator[Recording]:
-    """The recordings without the seconds of some scenes; tracks are split there, recordings without rows are left out.
-
-    Args:
-        recordings: The recordings.
-        scenes: All scenes.
-        held_out: Indices of the scenes to leave out.
+    """The recordings without the seconds of the scenes with these indices; tracks are split there, recordings without
+    rows are left out.
     """
     for recording in recordings:
         frame = recording.table["frame"].to_numpy(np.int64)

@@ -38,14 +38,7 @@ CAPTIONS = {
 
 
 def document_of(table: pd.DataFrame, steps: pd.DataFrame, remarks: Remarks, *, generated: bool) -> Document:
-    """The document.
-
-    Args:
-        table: Content of budget.parquet.
-        steps: Content of steps.parquet.
-        remarks: The data, findings, definitions and sources.
-        generated: Whether any of the data were generated.
-    """
+    """The document of the tables in budget.parquet and steps.parquet; `generated` if any of the data were."""
     verdict, *findings = remarks.notes
     sections = (
         Section("Rows in the stated order", tables=(_rows(steps),)),

@@ -68,16 +68,10 @@ class ScoredScenes:
 
 
 def simulated_rows(setting: Setting, study: Study, bar: Progress, metadata: Mapping[str, str]) -> pd.DataFrame:
-    """Metrics of every row of the budget, and of the reference rows, scene by scene.
+    """Metrics of every row of the budget and of the reference rows, scene by scene; the study keeps finished rows.
 
     Columns: `row`, `scene_id`, every metric (mean over runs), and for rows that start as recorded `position_error` [m]
     and `overlap_share` [-]. The position error is over the vehicles of the first snapshot, which all rows simulate.
-
-    Args:
-        setting: What all rows have in common.
-        study: Folder that keeps every finished row.
-        bar: Shows the progress.
-        metadata: Metadata of every part.
     """
 
     def maker(row: Row) -> Callable[[ScoredScenes], pd.DataFrame]:
@@ -98,13 +92,7 @@ def kept_parts(
 ) -> pd.DataFrame:
     """The table with this name. Its parts are kept in the folder of the study, and finished parts are not made again.
 
-    Args:
-        name: Name of the table.
-        makers: Functions that make one part each; keys are the titles in the progress bar.
-        setting: What all rows have in common.
-        study: Folder of the study.
-        bar: Shows the progress.
-        metadata: Metadata of every part.
+    `makers` make one part each, by its title in the progress bar; `metadata` goes with every part.
     """
     finished, scored = study.finished_parts(name), None
     line = bar.add_task(name, total=len(makers))
@@ -134,11 +122,7 @@ def simulated_table(
 ) -> tuple[pd.DataFrame, DecisionLog | None]:
     """Metrics of a simulated row, scene by scene, and its decisions; the decisions are None without REARL.
 
-    Args:
-        setting: What all rows have in common.
-        row: Components of the row.
-        scored: The scored scenes.
-        host_policy: Makes the policy if it decides outside the compiled program; else None.
+    `host_policy` makes the policy if it decides outside the compiled program.
     """
     inputs, held_out = setting.inputs, setting.held_out
     rollouts = Rollouts([evaluation_row(setting, row)], inputs.scenes, held_out, inputs.references, host_policy)

@@ -14,13 +14,7 @@ _HALF_BAR = 0.36
 
 
 def draw_waterfall(table: pd.DataFrame, mape: str, *, generated: bool) -> bytes:
-    """PNG of the shares of the main errors.
-
-    Args:
-        table: Content of budget.parquet.
-        mape: The spacing error that decides, as in `MapeConfig.column`.
-        generated: Whether any of the data were generated.
-    """
+    """PNG of the shares of the main errors in budget.parquet; `mape` is the spacing error that decides."""
     errors = [name.format(mape=mape) for name in MAIN_ERRORS]
     drawn = [error for error in errors if error in set(table["error"])] or list(dict.fromkeys(table["error"]))[:1]
     shares = table[table["part"].isin(list(TITLES))]

@@ -66,15 +66,7 @@ def _difference(differences: pd.DataFrame, first: str, second: str) -> Mapping[s
 def document_of(
     table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFrame, remarks: Remarks, *, generated: bool
 ) -> Document:
-    """The document of a study.
-
-    Args:
-        table: Content of real.parquet.
-        facts: Content of facts.parquet.
-        differences: Content of differences.parquet.
-        remarks: The data and their sources.
-        generated: Whether any of the data were generated.
-    """
+    """The document of real.parquet, facts.parquet and differences.parquet; `generated` if any of the data were."""
     summary = summary_of(table, facts, differences)
     groups = pd.DataFrame(table).assign(name=table["title"] + ", " + table["group"])
     sections = (
@@ -180,8 +172,7 @@ def _time_gaps(facts: pd.DataFrame) -> Section:
     }
     shown = facts.assign(name=facts["car"] + ", " + facts["setting"], **spread)
     explanation = (
-        "Measured without a model: median of gap over speed in intervals near equilibrium, and one standard "
-        "error "
+        "Measured without a model: median of gap over speed in intervals near equilibrium, and one standard error "
         "between runs on either side. Calibrated: the chosen car-following model at the median speed of these "
         "intervals, median over a car's tracks.",
     )

@@ -134,14 +134,7 @@ def _remarks(set_tasks: list[SetTask]) -> Remarks:
 
 
 def _facts(set_task: SetTask, car: str, bases: Mapping[str, str], bar: Progress) -> pd.DataFrame:
-    """Time gaps of the cars of a set; read from disk if computed before.
-
-    Args:
-        set_task: The set.
-        car: Label of the car or person.
-        bases: Car-following model that was chosen for each group.
-        bar: Progress display.
-    """
+    """Time gaps of the cars of a set, with the model chosen for each group; read from disk if computed before."""
     by = set_task.part.discover.by
     assert by is not None
     folder = set_task.part.study.replace("/sets/", "/facts/")

@@ -64,13 +64,7 @@ def _whole(delay: float, dt: float) -> int:
 
 
 def amplification(slopes: Linearisation, scheme: Scheme, frequency: float) -> float:
-    """Amplitude of a follower's speed over its leader's [-] at a frequency [Hz]: |G(z)|.
-
-    Args:
-        slopes: Slopes of the acceleration of one driver.
-        scheme: Time steps and delays.
-        frequency: Frequency of the speeds [Hz].
-    """
+    """Amplitude of a follower's speed over its leader's [-] at a frequency of the speeds [Hz]: |G(z)|."""
     z = np.exp(2j * np.pi * frequency * scheme.dt)
     p = (z - 1) / scheme.dt
     delayed, delayed_own = (values(z) / z**scheme.memory for values in scheme.delays())
@@ -79,12 +73,8 @@ def amplification(slopes: Linearisation, scheme: Scheme, frequency: float) -> fl
 
 
 def ring_growth(slopes: Linearisation, scheme: Scheme, n_vehicles: int) -> Float[np.ndarray, " waves"]:
-    """Fastest growth rate [1/s] of waves with 1, 2 ... n / 2 crests on a ring; a wave decays if it is negative.
-
-    Args:
-        slopes: Slopes of the acceleration, the same for all drivers.
-        scheme: Time steps and delays.
-        n_vehicles: Vehicles on the ring.
+    """Fastest growth rate [1/s] of waves with 1, 2 ... n / 2 crests on a ring of n equal drivers; a wave decays if it
+    is negative.
     """
     turns = np.exp(2j * np.pi * np.arange(1, n_vehicles // 2 + 1) / n_vehicles)
     largest = np.array([np.abs(_ring_roots(slopes, scheme, turn)).max() for turn in turns])

@@ -63,15 +63,7 @@ def document_of(
     margin: float,
     generated: bool,
 ) -> Document:
-    """The document of a study.
-
-    Args:
-        tables: The tables that were written, by name.
-        verdict: Content of verdict.json.
-        remarks: The data and their sources, and notes on the models.
-        margin: Margin of the equivalence tests.
-        generated: Whether any of the recordings were generated.
-    """
+    """The document of a study: tables by name, content of verdict.json, and `margin` of the equivalence tests."""
     summary = summary_of(tables, verdict)
     sections = [
         _verdicts(verdict, remarks),

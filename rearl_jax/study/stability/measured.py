@@ -20,6 +20,7 @@ from jaxtyping import Float, Int
 from scipy import signal, stats
 
 from rearl_jax.data.records import Recording
+from rearl_jax.export.leaders import pieces_at_clock
 from rearl_jax.export.platoon import STEPS_PER_SECOND, simulate, start_platoons
 from rearl_jax.study.stability.cases import Case
 
@@ -106,13 +107,12 @@ def _pieces(stretch: pd.DataFrame, rate: float, seconds: int) -> list[tuple[np.n
     pieces in which one of them stands or drives at a constant speed, whose amplification is undefined.
     """
     time = np.arange(len(stretch)) / rate
-    clock = np.arange(0, time[-1] + 1e-9, 1 / STEPS_PER_SECOND)
-    speeds = [np.interp(clock, time, stretch[name].to_numpy(float)) for name in ("speed_leader", "speed")]
-    n_steps = seconds * STEPS_PER_SECOND + 1
-    cut = [[speed[k : k + n_steps] for speed in speeds] for k in range(0, len(clock) - n_steps + 1, n_steps)]
+    leaders, followers = (
+        pieces_at_clock(time, stretch[name].to_numpy(float), seconds) for name in ("speed_leader", "speed")
+    )
     return [
         (leader, follower)
-        for leader, follower in cut
+        for leader, follower in zip(leaders, followers, strict=True)
         if min(leader.mean(), follower.mean()) >= MIN_SPEED and min(np.ptp(leader), np.ptp(follower)) > 0
     ]
 

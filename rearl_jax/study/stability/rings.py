@@ -63,10 +63,8 @@ def ring_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
 
 
 def waves_grow(deviation: Float[np.ndarray, " seconds"]) -> bool:
-    """True if speeds differ more at the end than after SETTLING_TIME, or beyond what linear waves reach.
-
-    Args:
-        deviation: Standard deviation of the speeds over the vehicles [m/s].
+    """True if the standard deviation of the speeds over the vehicles [m/s] is larger at the end than after
+    SETTLING_TIME, or beyond what linear waves reach.
     """
     end = deviation[-60:].mean()
     return bool(end > MAX_LINEAR_SD or end > max(deviation[SETTLING_TIME : SETTLING_TIME + 60].mean(), ROUNDING_SD))

@@ -77,15 +77,9 @@ def run(config: StudyStabilityTask) -> dict[str, Any]:
 def _table(
     name: str, case: Case, config: StudyStabilityTask, made: Mapping[str, pd.DataFrame], pairs: Pairs, of_model: Study
 ) -> pd.DataFrame:
-    """A table of one model, with its name in the first column; read from disk if made before.
+    """One of TABLES for one model, with its name in the first column; read from disk if made before.
 
-    Args:
-        name: One of TABLES.
-        case: The model.
-        config: The study.
-        made: The model's tables before this one.
-        pairs: Measured leader-follower pairs.
-        of_model: Results of the model.
+    `made` are the model's tables before this one.
     """
     if not of_model.owns(name):
         options = config.stability

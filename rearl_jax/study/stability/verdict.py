@@ -19,13 +19,7 @@ TOLERANCE = 1e-3
 
 
 def verdict_of(model: str, tables: Mapping[str, pd.DataFrame], pairs: Pairs) -> dict[str, Any]:
-    """The object of one model.
-
-    Args:
-        model: Name of the model.
-        tables: Tables of all models, as `task` writes them.
-        pairs: Measured followers, perhaps none.
-    """
+    """The object of one model, from the tables of all models and the measured followers, perhaps none."""
     amplification, traffic, measured = (
         tables[table].loc[tables[table]["model"] == model] for table in ("amplification", "traffic", "measured")
     )

@@ -69,9 +69,7 @@ def _paragraph(
 def _use_of_decisions(change: Difference, choices: Difference) -> str:
     """Sentence on the use of decisions on the last kind of traffic.
 
-    Args:
-        change: The matcher less traffic without REARL.
-        choices: The matcher less idle.
+    `change` is the matcher less traffic without REARL, `choices` the matcher less idle.
     """
     comparison = {
         -1: "its choices are closer than",

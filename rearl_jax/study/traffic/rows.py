@@ -100,12 +100,7 @@ def check_traffic(config: StudyTable1Task) -> None:
 
 
 def rows_on_traffic(config: StudyTable1Task, study: Study, bar: Progress) -> TrafficRows:
-    """The rows, simulated and scored on the held-out scenes.
-
-    Args:
-        config: The task.
-        study: Its folder, in which rows and calibrated drivers are kept.
-        bar: Shows the progress.
+    """The rows, simulated and scored on the held-out scenes; the study keeps them and the calibrated drivers.
 
     Raises:
         FileNotFoundError, ValueError: See `rearl_jax.study.budget.task.run`; or the lane of some vehicle is unknown.

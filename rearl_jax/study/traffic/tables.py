@@ -78,12 +78,7 @@ def split_rows(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def figures_of_rows(rows: pd.DataFrame, eval: EvaluationConfig) -> Figures:
-    """Figures of all rows and of real against real, with bootstrap intervals over scenes.
-
-    Args:
-        rows: Figures of the rows of `table1.traffic`, scene by scene.
-        eval: Resamples, confidence and seed of the intervals.
-    """
+    """Figures of the rows of `table1.traffic` and of real against real, with bootstrap intervals over scenes."""
     keys, values = [], []
     for figure in HEADINGS_ON_TRAFFIC:
         of_rows = scene_figures(rows, figure)
@@ -104,10 +99,7 @@ def figures_of_rows(rows: pd.DataFrame, eval: EvaluationConfig) -> Figures:
 def long_rows_on_traffic(figures: Figures, n_scenes: int, *, has_found: bool) -> pd.DataFrame:
     """Rows of the long table of Table 1; `less_base` is the difference from the same traffic without REARL.
 
-    Args:
-        figures: Figures of all rows.
-        n_scenes: Scenes behind them.
-        has_found: Whether the drivers have effects that discovery found.
+    `has_found`: the drivers have effects that discovery found.
     """
     titles = {PREFIX + REAL_VS_REAL: f"{TITLES[REAL_VS_REAL]}, not rescaled"}
     kinds = titles_of_kinds(has_found=has_found)
@@ -127,12 +119,7 @@ def long_rows_on_traffic(figures: Figures, n_scenes: int, *, has_found: bool) ->
 
 
 def sections_on_traffic(table: pd.DataFrame, intervals: str) -> tuple[Section, ...]:
-    """The section of the rows of `table1.traffic`; none without them.
-
-    Args:
-        table: These rows of the long table.
-        intervals: Name of the intervals.
-    """
+    """The section of the rows of `table1.traffic`, none without them; `intervals` names the intervals."""
     if table.empty:
         return ()
     title = f"Started as recorded, speeds not rescaled, the same thresholds in all rows; {intervals}"
