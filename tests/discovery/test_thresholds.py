@@ -1,6 +1,7 @@
 """The thresholds of discovery: documented, written down, and hashed so that another value shows."""
 
 import ast
+import functools
 import json
 import re
 from dataclasses import replace
@@ -22,16 +23,16 @@ def test_every_threshold_has_a_meaning_with_a_unit_where_it_is_no_count():
         assert is_count or re.search(r"\[[^\]]+\]", said), name
 
 
+@functools.cache
+def attributes():
+    """Names of all attributes that the code uses."""
+    trees = [ast.parse(file.read_text(encoding="utf-8")) for file in CODE if file.name != "thresholds.py"]
+    return {node.attr for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+
+
 @pytest.mark.parametrize("name", THRESHOLDS.plain())
 def test_every_threshold_is_used(name):
-    uses = [
-        node
-        for file in CODE
-        if file.name != "thresholds.py"
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Attribute) and node.attr == name
-    ]
-    assert uses
+    assert name in attributes()
 
 
 @pytest.mark.parametrize("name", THRESHOLDS.plain())
