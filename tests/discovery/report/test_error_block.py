@@ -74,7 +74,7 @@ def test_others_are_predicted_better_only_if_no_protocol_says_worse(population, 
 @pytest.mark.parametrize("floor", [0.1, 0.6, 1.0, 1.4, 5.0])
 @pytest.mark.parametrize("after", [0.6, 0.99, 1.3])
 def test_the_floor_is_at_most_the_error_and_shares_are_within_0_and_1(after, floor):
-    for seed in range(5):
+    for seed in range(2):
         block = error_block(
             {"before": made(1.0, 1.0, seed), "after": made(after, floor, seed + 9)}, Resampling(0.9, 200, seed)
         )
