@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rearl_jax.core import neighbours
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.core.car_following.highway_env_idm import VEHICLE_LENGTH, HighwayEnvIDM
 from rearl_jax.core.drivers import Body, Drivers, MOBILParams
 from rearl_jax.core.model import TrafficModel
@@ -58,8 +59,11 @@ def program(model, n_vehicles, dtype, largest_small_traffic):
     zeros = np.zeros((n_vehicles, WIDTH))
     state = make_state(zeros, zeros, zeros, model, dtype=dtype)
     drivers = default_drivers(zeros.shape, dtype)
+    # That of large traffic runs a few times, that of small traffic for many ticks.
+    options = QUICKLY_COMPILED if n_vehicles > N_VEHICLES else None
     with mock.patch.object(neighbours, "LARGEST_SMALL_TRAFFIC", largest_small_traffic):
-        return jax.jit(lambda state, drivers: step(state, drivers, model)).lower(state, drivers).compile()
+        tick = jax.jit(lambda state, drivers: step(state, drivers, model), compiler_options=options)
+        return tick.lower(state, drivers).compile()
 
 
 def columns(tree, index):

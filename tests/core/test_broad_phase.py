@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.core import broad_phase, collisions, narrow_phase
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.core.drivers import Body
 from rearl_jax.core.state import make_state
 from tests.core.simulation import MODEL
@@ -50,9 +51,9 @@ def test_queues_of_many_windows_blocks_and_scenarios(dtype):
     def collided(state):
         return collisions.collide(state, body, MODEL)
 
-    found = jax.jit(collided)(state)
+    found = jax.jit(collided, compiler_options=QUICKLY_COMPILED)(state)
     with mock.patch.object(collisions, "is_large", return_value=False):
-        expected = jax.jit(lambda state: collided(state))(state)
+        expected = jax.jit(lambda state: collided(state), compiler_options=QUICKLY_COMPILED)(state)
     assert int(expected.crashed.sum()) > 100
     for name in ("crashed", "is_pushed", "push_x", "push_y"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
@@ -68,7 +69,8 @@ def test_boxes_hold_the_vehicles():
     body = Body(*(jnp.full((1, 1), size, np.float32) for size in (5.0, 2.0, 6.0)), jnp.ones((1, 1), bool))
 
     def is_pushed():
-        return np.asarray(jax.jit(lambda state: collisions.collide(state, body, MODEL).is_pushed)(state))
+        push = jax.jit(lambda state: collisions.collide(state, body, MODEL), compiler_options=QUICKLY_COMPILED)
+        return np.asarray(push(state).is_pushed)
 
     by_boxes = is_pushed()
     with mock.patch.object(collisions, "candidates_in_list", lambda boxes: jnp.ones(boxes.x.shape, jnp.uint32)):

@@ -1,6 +1,7 @@
 """Drivers who follow on the gap between bumpers: symmetries of their traffic, and what decisions do to them."""
 
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.core import neighbours
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.core.car_following.fvdm import FVDM
 from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.conflicts import abort_conflicts
@@ -97,7 +99,10 @@ def test_vehicles_under_decisions_keep_their_distance_by_the_same_rules():
     model = replace(MODEL, meta_follows=True, lane_changes=False, collisions=False)  # compiles faster
     state, drivers = traffic(N_VEHICLES, controller=Controller.META)
     drivers = replace(drivers, effects=())
-    after = jax.jit(lambda state: step(begin_driving(state, drivers, model), drivers, model))(state)
+    run = jax.jit(
+        lambda state: step(begin_driving(state, drivers, model), drivers, model), compiler_options=QUICKLY_COMPILED
+    )
+    after = run(state)
     unhindered = (state.desired_speed - state.speed) / 0.6
     assert (np.asarray(after.acceleration) <= np.asarray(unhindered) + 1e-12).all()
     assert (np.asarray(after.acceleration) < np.asarray(unhindered) - 0.1).any()
@@ -122,12 +127,17 @@ def test_a_conflict_is_judged_by_the_present_desired_speeds(size):
     x, y, speed = column(100.0, 160.0, 0.0), column(0.0, 8.0, 0.0), column(24.0, 24.0, 0.0)
     lanes = column(1, 1, 0)
 
+    of_all = (jnp.asarray([[value]]) for value in (35.0, 1.2, 2.0, 0.5, 0.5))
+    drivers = replace(default_drivers((1, 1), np.float64), car_following=FVDM(*of_all))
+
+    @partial(jax.jit, static_argnums=1, compiler_options=QUICKLY_COMPILED)
+    def target_lanes(state, model):
+        return abort_conflicts(state.target_lane, state, derive_state(state, model), drivers, model)
+
     def gives_way(desired_speed, model):
         given = {"target_lane": lanes, "controller": kinds, "dtype": np.float64}
         state = make_state(x, y, speed, model, desired_speed=column(desired_speed, desired_speed, 0.0), **given)
-        of_all = (jnp.full((1, 1), value) for value in (35.0, 1.2, 2.0, 0.5, 0.5))
-        drivers = replace(default_drivers((1, 1), np.float64), car_following=FVDM(*of_all))
-        return int(abort_conflicts(state.target_lane, state, derive_state(state, model), drivers, model)[0, 0]) == 0
+        return int(target_lanes(state, model)[0, 0]) == 0
 
     free = TrafficModel(n_lanes=3, speed_limit=None)
     assert gives_way(25.0, free)
@@ -139,10 +149,13 @@ def test_who_changes_to_a_lane_where_hard_braking_is_due_does_not_drive_backward
     """With few time steps per second, and drivers who also change lanes for the worse."""
     model = TrafficModel(n_lanes=2, speed_limit=None, ticks_per_second=5, collisions=False)
     drivers = default_drivers((1, 1), np.float64, accel_limit=9.0, gain_threshold=-10.0)
-    drivers = replace(drivers, car_following=IDM(*(jnp.full((1, 1), value) for value in (30.0, 1.2, 2.0, 1.5, 2.0))))
+    drivers = replace(drivers, car_following=IDM(*(jnp.asarray([[one]]) for one in (30.0, 1.2, 2.0, 1.5, 2.0))))
     x, y, speed = np.array([[100.0], [106.5]]), np.array([[4.0], [0.0]]), np.array([[1.2], [0.0]])
     state = make_state(x, y, speed, model, timer=np.array([[1.5], [0.0]]), dtype=np.float64)
-    after = step(begin_driving(state, drivers, model), drivers, model)
+    run = jax.jit(
+        lambda state: step(begin_driving(state, drivers, model), drivers, model), compiler_options=QUICKLY_COMPILED
+    )
+    after = run(state)
     assert int(after.target_lane[0, 0]) == 0
     assert float(after.acceleration[0, 0]) < -5.0
     assert float(after.speed[0, 0]) >= -1e-9

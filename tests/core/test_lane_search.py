@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.core import neighbours
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.core.lane_search import find_ahead, find_behind
 from rearl_jax.core.neighbours import derive_state, sort_if_large
 from rearl_jax.core.order import NO_VEHICLE
@@ -29,7 +30,7 @@ def program(largest):
         vehicles = vehicle_states(state, derived, drivers)
         return (*find_ahead(state, derived, vehicles, lane, 3), find_behind(state, derived, vehicles, lane))
 
-    return jax.jit(search)
+    return jax.jit(search, compiler_options=QUICKLY_COMPILED)
 
 
 def neighbour_indices(state, drivers, lane, largest):

@@ -37,6 +37,9 @@ HAPPENED = {
     "large, side by side": (20, 10, 200),
 }
 
+#: Recordings of thorough tests alone.
+THOROUGH = ("one lane", "large, short road")
+
 
 @functools.cache
 def recording(name):
@@ -71,7 +74,12 @@ def assert_follows(after, wanted, dtype):
         assert abs(difference).max() < tolerance["push"], name
 
 
-@pytest.mark.parametrize("name", RECORDINGS)
+def marked(names):
+    """The recordings; those with which only thorough tests compare the core are looked at there."""
+    return [pytest.param(name, marks=pytest.mark.thorough if name in THOROUGH else ()) for name in names]
+
+
+@pytest.mark.parametrize("name", marked(RECORDINGS))
 def test_recorded_scenes_hold_what_they_are_to_show(name):
     recorded = recording(name)
     events, (changes, aborts, crashes) = recorded.events, HAPPENED[name]
@@ -81,7 +89,7 @@ def test_recorded_scenes_hold_what_they_are_to_show(name):
     assert min(events.lefts, events.changes - events.lefts) >= 0.25 * changes
 
 
-@pytest.mark.parametrize("name", ["small", "small, short road", "one lane", "large"])
+@pytest.mark.parametrize("name", marked(["small", "small, short road", "one lane", "large"]))
 def test_recorded_scenes_reach_beyond_both_ends_of_the_road(name):
     recorded = recording(name)
     x, speed, length = recorded.before["x"], recorded.before["speed"], recorded.road.length

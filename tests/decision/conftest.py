@@ -16,6 +16,7 @@ def model():
 @pytest.fixture(scope="session")
 def table():
     """Three references: slow, of mixed speeds, fast; with all kinds of actions."""
+    import jax
     import jax.numpy as jnp
 
     from rearl_jax.config.metrics import HistConfig
@@ -33,7 +34,7 @@ def table():
         action=jnp.asarray(rng.choice(5, shape, p=[0.2, 0.2, 0.2, 0.2, 0.2])),
         share=jnp.asarray([0.2, 0.3, 0.5]),
     )
-    return tabulate(references, HistConfig())
+    return jax.jit(tabulate, static_argnums=1)(references, HistConfig())
 
 
 @pytest.fixture(scope="session")
@@ -43,4 +44,5 @@ def start(model):
 
     from rearl_jax.core.spawn import spawn
 
-    return spawn(jax.random.split(jax.random.key(4), N_SCENARIOS), model, n_vehicles=N_VEHICLES, density=3.0)
+    draw = jax.jit(lambda keys: spawn(keys, model, n_vehicles=N_VEHICLES, density=3.0))
+    return draw(jax.random.split(jax.random.key(4), N_SCENARIOS))

@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from rearl_jax.config.decision import AdmissibleConfig, LaneGate
 from rearl_jax.config.driver import DEFAULT, MODELS
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.core.drivers import highway_env_drivers
 from rearl_jax.core.state import make_state
@@ -15,6 +17,7 @@ from rearl_jax.decision.admissible import admissible_actions
 from rearl_jax.decision.execution import accept
 
 LEFT, KEEP, RIGHT, FASTER, SLOWER = range(5)
+ACTIONS = jax.jit(admissible_actions, static_argnums=(2, 3), compiler_options=QUICKLY_COMPILED)
 
 
 def admissible(x, lanes, speed, model, *, crashed=False, target_lane=None, **options):
@@ -30,8 +33,7 @@ def admissible(x, lanes, speed, model, *, crashed=False, target_lane=None, **opt
         target_lane=None if target_lane is None else column(target_lane).astype(np.int32),
     )
     drivers = highway_env_drivers(jnp.full((len(x), 1), 4.0, jnp.float32))
-    found = admissible_actions(state, drivers, model, AdmissibleConfig(**options))
-    return np.asarray(found)[:, :, 0]
+    return np.asarray(ACTIONS(state, drivers, model, AdmissibleConfig(**options)))[:, :, 0]
 
 
 def test_lanes_that_exist_and_levels_that_are_left(model):
@@ -110,5 +112,5 @@ def test_whatever_model_drives_empty_lanes_are_safe_and_close_followers_are_not(
     lane, speed = np.array([[1, 1, 1], [0, 0, 0]]), np.array([[25.0, 25.0, 0.0], [25.0, 40.0, 0.0]])
     state = make_state(x, lane * 4.0, speed, model, desired_speed=np.full(x.shape, 30.0))
     options = AdmissibleConfig(lane=LaneGate.mobil_safe, longitudinal=True)
-    left = np.asarray(admissible_actions(state, drivers, model, options))[0, 0]
+    left = np.asarray(ACTIONS(state, drivers, model, options))[0, 0]
     assert left.tolist() == [True, False, True]

@@ -57,7 +57,9 @@ def matched(start, table, model):
 
 
 @pytest.mark.parametrize(
-    ("cues", "h", "m"), [("never", 0.0, 0.0), pytest.param("both", 2.0, np.inf, marks=pytest.mark.thorough)]
+    ("cues", "h", "m"),
+    # The first runs the program of `matched`, the second one of its own.
+    [("both", 2.0, np.inf), pytest.param("never", 0.0, 0.0, marks=pytest.mark.thorough)],
 )
 def test_traffic_that_nobody_asks_about_is_the_base_bit_for_bit(start, table, model, base, cues, h, m):
     assert (np.diff(base.lane, axis=0) != 0).sum() > 5

@@ -36,12 +36,13 @@ def references(raw):
 
 @pytest.fixture(scope="session")
 def table(references):
+    import jax
     import jax.numpy as jnp
 
     from rearl_jax.config.metrics import HistConfig
     from rearl_jax.detection.table import tabulate
 
-    return tabulate(references, HistConfig(), jnp.dtype(jnp.float64))
+    return jax.jit(tabulate, static_argnums=(1, 2))(references, HistConfig(), jnp.dtype(jnp.float64))
 
 
 @pytest.fixture(scope="session")

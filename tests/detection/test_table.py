@@ -1,5 +1,7 @@
 """The table of the references."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,8 +9,10 @@ import numpy as np
 from rearl_jax.detection.table import draw_references, relative_rank, snapshot
 
 N_ROLLOUTS = 20_000
+DRAWN = jax.jit(draw_references)
 
 
+@jax.jit
 def rollout_keys():
     """Keys as the evaluation makes them, folded from numbers of runs and scenes."""
 
@@ -28,45 +32,51 @@ def agreement(found, share):
 def test_references_are_drawn_by_their_shares(raw):
     keys = rollout_keys()
     for share in (raw["share"], np.array([0.02, 0.0, 0.98, 0.0]), np.full(15, 1 / 15)):
-        found = np.asarray(draw_references(jnp.asarray(share), keys))
+        found = np.asarray(DRAWN(jnp.asarray(share), keys))
         assert (agreement(found, share) < 4).all()
     # A test that could not tell these shares from others would prove nothing.
     assert agreement(found, np.full(15, 1 / 14)).max() > 3
-    np.testing.assert_array_equal(draw_references(jnp.asarray(7 * share), keys), found)
+    np.testing.assert_array_equal(DRAWN(jnp.asarray(7 * share), keys), found)
 
 
 def test_draws_are_those_of_any_other_batch_and_precision(raw):
     keys, share = rollout_keys(), jnp.asarray(raw["share"])
-    found = np.asarray(draw_references(share, keys))
+    found = np.asarray(DRAWN(share, keys))
     assert set(np.unique(found)) == {0, 2, 3}
     for at in (np.array([7]), np.arange(100, 350), np.arange(N_ROLLOUTS)[::-1]):
-        np.testing.assert_array_equal(draw_references(share, keys[at]), found[at])
-    np.testing.assert_array_equal(draw_references(share.astype(jnp.float32), keys), found)
+        np.testing.assert_array_equal(DRAWN(share, keys[at]), found[at])
+    np.testing.assert_array_equal(DRAWN(share.astype(jnp.float32), keys), found)
 
 
 def test_draws_know_nothing_of_the_seconds_of_the_same_rollouts():
     """Draws of a policy from its key of a second agree with the reference as often as by chance."""
     keys, n_references = rollout_keys(), 4
-    found = draw_references(jnp.full(n_references, 0.25), keys)
+    found = np.asarray(DRAWN(jnp.full(n_references, 0.25), keys))
+
+    @jax.jit
+    @partial(jax.vmap, in_axes=(0, None))
+    def draws(key, second):
+        own_key = jax.random.fold_in(key, second)
+        uniform = jax.random.uniform(own_key, (), jnp.float32)
+        return jax.random.randint(own_key, (), 0, n_references, jnp.int32), jnp.floor(n_references * uniform)
+
     for second in (0, 1, 59):
-        own_keys = jax.vmap(lambda key, number=second: jax.random.fold_in(key, number))(keys)
-        drawn = jax.vmap(lambda key: jax.random.randint(key, (), 0, n_references, jnp.int32))(own_keys)
-        uniform = jax.vmap(lambda key: jax.random.uniform(key, (), jnp.float32))(own_keys)
-        for other in (drawn, jnp.floor(n_references * uniform)):
-            same = np.mean(np.asarray(found) == np.asarray(other))
+        for other in draws(keys, second):
+            same = np.mean(found == np.asarray(other))
             assert abs(same - 0.25) < 4 * np.sqrt(0.25 * 0.75 / N_ROLLOUTS)
 
 
 def test_ranks_with_ties():
     values = np.array([[3.0, 1.0, 3.0, 2.0], [1.0, 1.0, 1.0, 1.0]]).T
-    ranks = np.asarray(relative_rank(jnp.asarray(values)))
+    ranks = np.asarray(jax.jit(relative_rank)(jnp.asarray(values)))
     np.testing.assert_allclose(ranks[:, 0], [0.75, 0.125, 0.75, 0.375])
     np.testing.assert_allclose(ranks[:, 1], 0.5)
 
 
 def test_snapshot_is_that_second_of_each_scenarios_reference(raw, table):
     picked = [2, 0, 1, 2]
-    shown = snapshot(table, jnp.int32(7), jnp.asarray(picked, jnp.int32))
+    shown = jax.jit(snapshot)(table, jnp.int32(7), jnp.asarray(picked, jnp.int32))
+    shown = jax.tree.map(np.asarray, shown)
     for column, k in enumerate(picked):
         np.testing.assert_allclose(shown.speed[:, column], raw["speed"][k, 7])
         np.testing.assert_allclose(shown.spacing[:, column], raw["spacing"][k, 7])

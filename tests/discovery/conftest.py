@@ -97,16 +97,27 @@ def calibrated(solver, measured_of):
     return calibrate(solver, measured_of())
 
 
-@pytest.fixture(scope="session")
-def many(solver, calibrated):
-    """Eight times the calibrated drivers, and their noise."""
+def copied(solver, calibrated, n_doublings):
+    """The calibrated drivers several times, and their noise."""
     import numpy as np
 
     from rearl_jax.discovery.observe.fit_state import new_state, replaced
 
     state, noise = calibrated
     data, z = state.data, state.z
-    for _ in range(3):
+    for _ in range(n_doublings):
         data, z = data.with_drivers(data), np.concatenate([z, z])
     more = new_state(data, solver.layout, noise)
     return replaced(more, z=z, mean=state.mean, spread=state.spread, theta=state.theta, active=state.active), noise
+
+
+@pytest.fixture(scope="session")
+def several(solver, calibrated):
+    """Twice the calibrated drivers, and their noise."""
+    return copied(solver, calibrated, 1)
+
+
+@pytest.fixture(scope="session")
+def many(solver, calibrated):
+    """Eight times the calibrated drivers, and their noise."""
+    return copied(solver, calibrated, 3)

@@ -42,6 +42,10 @@ def check_launcher(task, words):
         assert compose(task.config_name, [*shares, *words], return_hydra_config=True).hydra.launcher
 
 
+COMPOSED = set()
+"""Jobs that were right before, each as its task and its overrides."""
+
+
 def check_rearl(words):
     """Raise UsageError or ValueError where `rearl` would complain before anything runs."""
     from rearl_jax.cli.command_line import _is_file, _parser, _task
@@ -57,13 +61,20 @@ def check_rearl(words):
     if task.on_file is not None and len(overrides) == 1 and _is_file(overrides[0]):
         return  # a file of the reader's own
     if options.sweep:
-        overrides = [*read_sweep(options.sweep, task, options.config_dir), *overrides]
+        of_sweep = read_sweep(options.sweep, task, options.config_dir)
+        if not overrides and options.config_dir is None:
+            return  # tests/test_cli.py composes the jobs of every shipped sweep
+        overrides = [*of_sweep, *overrides]
     launcher = [word for word in overrides if word.startswith("hydra")]
     if launcher:
         check_launcher(task, launcher)
     own = [word for word in overrides if word not in launcher]
     for job in jobs(own) if options.multirun or options.sweep else [own]:
-        compose_task(task, job, options.config_dir)
+        key = task.words, *job
+        if key not in COMPOSED:
+            compose_task(task, job, options.config_dir)
+        if options.config_dir is None:
+            COMPOSED.add(key)
 
 
 def check_make(words):

@@ -18,6 +18,7 @@ from rearl_jax.detection.table import ReferenceTable, tabulate
 from rearl_jax.llm.prompts import Prompter
 
 LEFT, KEEP, RIGHT, FASTER, SLOWER = range(5)
+TABULATE = jax.jit(tabulate, static_argnums=1)
 
 
 def make_table(speed, spacing, action, hist=None) -> ReferenceTable:
@@ -28,9 +29,9 @@ def make_table(speed, spacing, action, hist=None) -> ReferenceTable:
         spacing=jnp.asarray(spacing),
         mean_spacing=jnp.asarray(spacing.mean(axis=-1)),
         action=jnp.asarray(action),
-        share=jnp.full(len(spacing), 1 / len(spacing)),
+        share=jnp.asarray(np.full(len(spacing), 1 / len(spacing))),
     )
-    return tabulate(references, HistConfig() if hist is None else hist)
+    return TABULATE(references, HistConfig() if hist is None else hist)
 
 
 def make_situation(second, **given) -> Situation:
@@ -84,7 +85,7 @@ def make_situation(second, **given) -> Situation:
 
 def make_thresholds(n_scenarios, hellinger=0.33, mape=0.2) -> Thresholds:
     """Equal thresholds of all scenarios."""
-    return Thresholds(jnp.full(n_scenarios, hellinger), jnp.full(n_scenarios, mape))
+    return Thresholds(*(jnp.asarray(np.full(n_scenarios, value)) for value in (hellinger, mape)))
 
 
 @functools.cache

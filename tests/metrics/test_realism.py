@@ -35,7 +35,8 @@ CONFIG = RealismConfig(
 )
 METRICS = MetricsConfig(realism=CONFIG)
 
-SCORES = jax.jit(realism_scores, static_argnums=(2, 3))
+SCORES = jax.jit(realism_scores, static_argnums=(2, 3), compiler_options=QUICKLY_COMPILED)
+DISTANCE = jax.jit(distance_to_nearest)
 
 
 @partial(jax.jit, compiler_options=QUICKLY_COMPILED)
@@ -49,11 +50,11 @@ def counted(scene):
 
 
 def counts_of(scene) -> RealismCounts:
-    return counted({name: jnp.asarray(values) for name, values in scene.items()})
+    return counted(scene)
 
 
 def added(counts):
-    return jax.tree.map(lambda *runs: sum(runs[1:], start=runs[0]), *counts)
+    return jax.tree.map(lambda *runs: sum(map(np.asarray, runs)), *counts)
 
 
 @KINDS
@@ -91,7 +92,7 @@ def test_a_recording_scored_as_simulated_is_closer_to_itself_than_to_another():
 
 
 def test_hand_value(dtype):
-    score = likelihood(jnp.asarray([3, 1, 0]), jnp.asarray([2, 0, 1]), 0.5, dtype)
+    score = jax.jit(likelihood, static_argnums=(2, 3))(np.asarray([3, 1, 0]), np.asarray([2, 0, 1]), 0.5, dtype)
     p = [3.5 / 5.5, 1.5 / 5.5, 0.5 / 5.5]
     assert float(score.value) == pytest.approx(math.exp((2 * math.log(p[0]) + math.log(p[2])) / 3), rel=1e-6)
     assert int(score.count) == 3
@@ -103,49 +104,51 @@ def test_default_weights_are_those_of_the_subset():
     assert [*weights, config.collision_weight] == [0.05, 0.05, 0.1, 0.1, 0.25]
     assert config.speed_values is SpeedValues.scaled
     features = (config.speed, config.acceleration, config.distance, config.ttc, config.headway)
-    bins = [jnp.ones(f.n_bins, jnp.int32) for f in features]
+    bins = [jnp.asarray(np.ones(f.n_bins, np.int32)) for f in features]
     simulated = RealismCounts(*bins, collision=jnp.asarray([10, 0]))
-    scores = realism_scores(simulated, simulated, config, jnp.dtype("float64"))
+    scores = SCORES(simulated, simulated, config, jnp.dtype("float64"))
     mean = (0.05 / 10 + 0.05 / 11 + 0.1 / 10 + 0.1 / 10 + 0.25 * (10.001 / 10.002)) / 0.55
     assert float(scores.meta.value) == pytest.approx(mean)
 
 
 def test_a_feature_without_values_is_left_out_of_the_mean():
     real = counts_of(cast(make_scene(37, recorded=True), F32))
-    empty = jnp.zeros_like(real.acceleration)
+    empty = jnp.asarray(np.zeros_like(real.acceleration))
     without = replace(real, acceleration=empty)
     for simulated, truth in ((real, without), (without, real)):
-        scores = realism_scores(simulated, truth, CONFIG, jnp.dtype("float64"))
+        scores = SCORES(simulated, truth, CONFIG, jnp.dtype("float64"))
         assert (int(scores.acceleration.count), float(scores.acceleration.value)) == (0, 0)
         assert int(scores.meta.count) == 4
         unweighted = replace(CONFIG, acceleration=replace(CONFIG.acceleration, weight=0.0))
-        expected = realism_scores(real, real, unweighted, jnp.dtype("float64"))
+        expected = SCORES(real, real, unweighted, jnp.dtype("float64"))
         assert float(scores.meta.value) == pytest.approx(float(expected.meta.value), rel=1e-12)
-    nothing = jax.tree.map(jnp.zeros_like, real)
-    scores = realism_scores(nothing, real, CONFIG, jnp.dtype("float64"))
+    nothing = jax.tree.map(np.zeros_like, real)
+    scores = SCORES(nothing, real, CONFIG, jnp.dtype("float64"))
     assert (float(scores.meta.value), int(scores.meta.count)) == (0, 0)
 
 
 def test_distance_equals_the_reference():
     scene = make_scene(38, recorded=True)
-    distance = jax.jit(distance_to_nearest)(*(jnp.asarray(scene[k]) for k in ("x", "y", "length", "width")))
+    distance = DISTANCE(*(scene[k] for k in ("x", "y", "length", "width")))
     expected = [reference.nearest(scene, *slot) for slot in np.ndindex(scene["x"].shape)]
     np.testing.assert_allclose(np.asarray(distance).ravel(), expected, atol=1e-9)
     assert min(expected) < 0 < max(expected)
 
 
 def test_distance_hand_values():
-    x, y = jnp.asarray([[0.0, 8.0, 3.0, 100.0]]), jnp.asarray([[0.0, 6.0, 0.5, 0.0]])
-    found = distance_to_nearest(x, y, jnp.full((1, 4), 5.0), jnp.full((1, 4), 2.0))
+    x, y, sizes = [[0.0, 8.0, 3.0, 100.0]], [[0.0, 6.0, 0.5, 0.0]], np.ones((1, 4))
+    x, *others = (jnp.asarray(values) for values in (x, y, 5.0 * sizes, 2.0 * sizes))
+    found = np.asarray(DISTANCE(x, *others))
     assert found[0, 0] == found[0, 2] == -1.5, "overlap of 2 m along and 1.5 m across: the short way out"
     assert float(found[0, 1]) == pytest.approx(3.5), "side by side with the third: 5.5 - 2 across"
     assert float(found[0, 3]) == pytest.approx(math.hypot(100 - 8 - 5, 6 - 2))
-    gradient = jax.grad(lambda x: distance_to_nearest(x, y, jnp.full((1, 4), 5.0), jnp.full((1, 4), 2.0)).sum())(x)
-    assert bool(jnp.isfinite(gradient).all())
+    gradient = jax.jit(jax.grad(lambda x: distance_to_nearest(x, *others).sum()))(x)
+    assert np.isfinite(gradient).all()
 
 
 def test_values_outside_the_range_fall_into_the_outer_bins():
-    values = jnp.asarray([[-9.0, 0.0, 9.0, jnp.inf]])
+    values = np.asarray([[-9.0, 0.0, 9.0, np.inf]])
     feature = FeatureConfig(low=-1.0, high=1.0, n_bins=4, weight=1.0)
-    assert feature_counts(values, feature).tolist() == [1, 0, 1, 2]
-    assert feature_counts(values, feature, values < 5.0).tolist() == [1, 0, 1, 0]
+    count = jax.jit(feature_counts, static_argnums=1)
+    assert count(values, feature).tolist() == [1, 0, 1, 2]
+    assert count(values, feature, values < 5.0).tolist() == [1, 0, 1, 0]

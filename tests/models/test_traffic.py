@@ -2,12 +2,14 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.spawn import spawn
 from rearl_jax.models.population import LaneChanging, population_of_model
@@ -24,7 +26,7 @@ def drawn(repaired, *, with_effects=True, keys=N_SCENARIOS, road=ROAD):
     numbers = population_of_model(repaired, F64, with_effects=with_effects)
     keys = jax.vmap(jax.random.key)(jnp.arange(keys))
 
-    @jax.jit
+    @partial(jax.jit, compiler_options=QUICKLY_COMPILED)
     def draw(keys):
         start = spawn(keys, road, n_vehicles=N_VEHICLES, dtype=jnp.dtype("float64"))
         return start[0], *populate(*start, keys, numbers, road)

@@ -2,12 +2,14 @@
 
 import math
 from dataclasses import fields, replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.effects.stimulus import Stimulus
@@ -45,12 +47,12 @@ def shared(given):
     return tuple(effects)
 
 
-@jax.jit
+@partial(jax.jit, compiler_options=QUICKLY_COMPILED)
 def begin(state, drivers):
     return begin_driving(state, drivers, MODEL)
 
 
-@jax.jit
+@partial(jax.jit, compiler_options=QUICKLY_COMPILED)
 def tick(state, drivers):
     return step(state, drivers, MODEL)
 

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.gap_driving import begin_driving
@@ -110,7 +111,7 @@ def start(n_scenarios, dtype=np.float64, model=MODEL):
     return make_state(*same[:3], model, target_lane=same[3], dtype=dtype)
 
 
-@functools.partial(jax.jit, static_argnames=("model", "n_ticks"))
+@functools.partial(jax.jit, static_argnames=("model", "n_ticks"), compiler_options=QUICKLY_COMPILED)
 def history(state, drivers, model=MODEL, n_ticks=N_TICKS):
     """The state before the first tick and after each, `[1 + n_ticks, ...]`."""
     state = begin_driving(state, drivers, model)

@@ -100,8 +100,8 @@ def test_a_response_to_the_vehicle_behind_cannot_show_that_it_predicts(solver, c
 
 
 @pytest.mark.parametrize("lasts", [True, False])
-def test_clocks_stay_corrected_only_if_the_first_half_tells_the_second(solver, calibrated, many, lasts):
-    found, (state, noise) = search_that_added(solver, calibrated), many
+def test_clocks_stay_corrected_only_if_the_first_half_tells_the_second(solver, calibrated, several, lasts):
+    found, (state, noise) = search_that_added(solver, calibrated), several
     measured = simulate_again(solver, state, noise, np.random.default_rng(3)).data
     assert clocks_predict_better(solver, found, measured, 0), "nothing was corrected"
     clocks = Clocks(measured)

@@ -71,10 +71,11 @@ def test_others_are_predicted_better_only_if_no_protocol_says_worse(population, 
     assert lowers_predicting_errors(block) is expected
 
 
+@pytest.mark.parametrize("n_seeds", [2, pytest.param(5, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("floor", [0.1, 0.6, 1.0, 1.4, 5.0])
 @pytest.mark.parametrize("after", [0.6, 0.99, 1.3])
-def test_the_floor_is_at_most_the_error_and_shares_are_within_0_and_1(after, floor):
-    for seed in range(5):
+def test_the_floor_is_at_most_the_error_and_shares_are_within_0_and_1(after, floor, n_seeds):
+    for seed in range(n_seeds):
         block = error_block(
             {"before": made(1.0, 1.0, seed), "after": made(after, floor, seed + 9)}, Resampling(0.9, 200, seed)
         )
