@@ -18,6 +18,6 @@ def test_small_study_finds_what_is_hidden(summary):
     assert summary["n_cases"] == 3
     assert summary["n_right"] == 3
     assert summary["n_wrong"] == summary["n_failed"] == 0
-    assert summary["n_false"] <= 1  # a doubtful name, in addition to the variable of an unlisted effect
+    assert summary["n_false"] <= 1  # a doubtful name, in addition to a right one
     hits = {score["name"]: score["hits"] for score in summary["scores"]}
     assert hits["control_false"] == hits["artefact_as_effect"] == 0
