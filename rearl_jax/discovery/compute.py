@@ -52,7 +52,7 @@ class Drivers:
         fitted, checked, reported = split_drivers(data, seed=seed)
         notes = _each_once([note for recording in self.recordings for note in recording.info.notes])
         if data.jumps:
-            notes += (f"positions jump {data.jumps} times; samples around the jumps are excluded",)
+            notes += (f"positions jump {data.jumps} times in the recordings; samples around the jumps are excluded",)
         if shared := n_shared(fitted, reported):
             text = "too few persons or cars to separate them: runs are divided, and"
             notes += (f"{text} {shared} of them are among both fitted and report drivers",)

@@ -20,6 +20,7 @@ from rearl_jax.data.records import Recording
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, acceleration, likely_parameters
 from rearl_jax.discovery.lane_changes.motion import with_motion
 from rearl_jax.discovery.lane_changes.ramps import side_of_ramp, whole_lanes
+from rearl_jax.discovery.read.reading import one_frame_rate
 from rearl_jax.discovery.read.smoothing import thinned
 from rearl_jax.discovery.read.surroundings import SortedLanes
 
@@ -113,16 +114,22 @@ _NAMES = tuple(Opportunities.__dataclass_fields__)
 
 def opportunities(recordings: Sequence[Recording], drivers: KnownDrivers) -> tuple[Opportunities, str]:
     """All opportunities of the recordings, and the reason why there are none, or "". The vehicles of `drivers` have the
-    numbers that `measure` gives to those of these recordings.
+    numbers that `measured_drivers` gives to those of these recordings.
+
+    Raises:
+        ValueError: The frame rates differ.
     """
+    if not recordings:
+        return _empty(), ""
+    rate = one_frame_rate(recordings)
     parts, reasons, first_vehicle = [], [], 0
     for index, recording in enumerate(recordings):
-        table, dt = thinned(recording)
+        table, dt = thinned(recording, rate)
         part, reason = _of_recording(table, dt, first_vehicle, index, drivers)
         parts, reasons = [*parts, part], [*reasons, reason]
         first_vehicle += int(table["track_id"].to_numpy().max(initial=-1)) + 1
-    joined = _joined(parts) if parts else _empty()
-    return joined, "" if len(joined.side) or not reasons else reasons[0]
+    joined = _joined(parts)
+    return joined, "" if len(joined.side) else reasons[0]
 
 
 def _of_recording(

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from rearl_jax.data.records import Recording
@@ -10,6 +11,7 @@ from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
 from rearl_jax.discovery.lane_changes.motion import USUAL_LEAD
 from rearl_jax.discovery.lane_changes.opportunities import REST, opportunities
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR
+from rearl_jax.discovery.read.smoothing import thinned
 
 PARAMETERS = np.array([30.0, 1.0, 2.0, 1.0, 2.0])
 N = 9
@@ -54,6 +56,20 @@ def test_every_change_counts_where_a_period_is_longer_than_half_a_second(recordi
     drawn = recording([(start, speed / 1.5, *others) for start, speed, *others in scene(changes_at)])
     at_15_hz = Recording(replace(drawn.info, frame_rate=15.0), drawn.table)
     assert opportunities([at_15_hz], driven_by(N))[0].changes.sum() == 1
+
+
+def test_vehicles_have_the_same_numbers_where_frame_rates_differ_a_little(recording):
+    """Four frames at 30 Hz are one time step, as are three at 29.97 Hz: the last track of the first would be left."""
+    slow = [(start, speed / 3, *others) for start, speed, *others in scene(changes_at=99.0)]
+    drawn = recording(slow, seconds=36.0)
+    last = drawn.table[(drawn.table["track_id"] == N) & (drawn.table["frame"] < 3)].assign(track_id=N + 1)
+    first = Recording(replace(drawn.info, frame_rate=29.97), pd.concat([drawn.table, last], ignore_index=True))
+    second = Recording(replace(drawn.info, frame_rate=30.0), drawn.table)
+    alone = opportunities([second], driven_by(N))[0]
+    both = opportunities([first, second], driven_by(2 * N + 1))[0]
+    assert len(alone.vehicle) > 10
+    n_before = thinned(first, 30.0)[0]["track_id"].max() + 1
+    np.testing.assert_array_equal(both.vehicle[both.recording == 1], alone.vehicle + n_before)
 
 
 def at(table, time, side, vehicle=1):
