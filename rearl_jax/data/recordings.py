@@ -27,6 +27,9 @@ __all__ = [
     "label_of_same",
 ]
 
+_ONLY_WITH = {key: "table" for key in (*TABLE_KEYS, "ring")} | {"stretch": "pneuma"}
+"""The data format with which a key has an effect."""
+
 
 def iterate_recordings(data: DataConfig, labels: Sequence[str] = ()) -> Iterator[Recording]:
     """The recordings that `data.recordings` selects, each read when it is asked for.
@@ -118,9 +121,9 @@ def _selected(data: DataConfig) -> list[Entry]:
     if isinstance(data, TableInMemory):
         entries = list(in_memory.entries(data))
     else:
-        for key in (*TABLE_KEYS, "ring"):
-            if getattr(data, key) and data.format.name != "table":
-                message = "is for foreign tables: choose data=table, or leave it out"
+        for key, name in _ONLY_WITH.items():
+            if getattr(data, key) and data.format.name != name:
+                message = f"has an effect with data={name} alone: choose that, or leave the key out"
                 problem = Problem("key-without-effect", message, key=f"data.{key}", value=f"data={data.format.name}")
                 raise InvalidInputError(problem)
         entries = list(reader_of(data.format).entries(data, _root(data)))

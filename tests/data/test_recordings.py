@@ -131,6 +131,14 @@ def test_values_out_of_range_are_refused(change, code, key):
         DataConfig(**change).check()
 
 
+@pytest.mark.parametrize(
+    "key", [{"columns": {"x": "y"}}, {"ring": 230.0}, {"stretch": (37.9, 23.7, 37.9, 23.8, 9.0, 3.0)}]
+)
+def test_keys_of_other_formats_are_refused(key):
+    with refused("key-without-effect", key=f"data.{next(iter(key))}"):
+        next(iterate_recordings(DataConfig(**key)))
+
+
 def test_a_format_is_a_module_that_holds_a_reader(monkeypatch):
     for kind in DataFormat:
         module = import_module(f"rearl_jax.data.readers.{kind.name}")

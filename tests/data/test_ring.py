@@ -93,11 +93,6 @@ def test_a_ring_and_a_road_with_two_ends_are_not_the_same_data(file):
     assert len(ids) == 3
 
 
-def test_a_ring_is_for_tables_only():
-    with refused("key-without-effect", key="data.ring"):
-        next(iterate_recordings(DataConfig(ring=LAP)))
-
-
 def test_the_circumference_is_found_and_said_in_the_command(file, capsys):
     record = run(str(file))
     words = dict(word.partition("=")[::2] for word in shlex.split(record["command"]) if "=" in word)

@@ -267,9 +267,8 @@ def write_recording(recording: Recording, path: Path) -> Path:
         raise InvalidInputError(Problem("ending-unknown", "the name must end in .parquet or .csv", file=str(path)))
     text = describe([recording.info])
     if path.suffix == ".csv":
-        with replacing(sidecar(path)) as unfinished:
-            unfinished.write_text(text, encoding="utf-8")
-        with replacing(path) as unfinished:
+        with replacing(path) as unfinished, replacing(sidecar(path)) as described:  # both are whole before they replace
+            described.write_text(text, encoding="utf-8")
             recording.table.to_csv(unfinished, index=False)
     else:
         table = pa.Table.from_pandas(recording.table, preserve_index=False)

@@ -1,5 +1,7 @@
 """Canonical tables in files: what is written is read back; foreign tables are worked out; damage is named."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -119,18 +121,22 @@ def test_what_cannot_be_worked_out_is_asked_for(recording, tmp_path):
             TableFile(path, STOP).recordings()
 
 
-def test_a_failed_write_leaves_the_old_file(recording, tmp_path, monkeypatch):
-    path = write_recording(recording, tmp_path / "a.parquet")
-    before = path.read_bytes()
+@pytest.mark.parametrize(
+    ("ending", "writer"), [(".parquet", "pyarrow.parquet.write_table"), (".csv", "pandas.DataFrame.to_csv")]
+)
+def test_a_failed_write_leaves_the_old_files(recording, tmp_path, monkeypatch, ending, writer):
+    path = write_recording(recording, tmp_path / f"a{ending}")
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    assert path.name in before
 
-    def full_disk(*_):
+    def full_disk(*_, **__):
         raise OSError("no space left")
 
-    monkeypatch.setattr("rearl_jax.data.tables.canonical.pq.write_table", full_disk)
+    monkeypatch.setattr(writer, full_disk)
+    other = Recording(replace(recording.info, source="another"), recording.table)
     with pytest.raises(OSError, match="no space left"):
-        write_recording(recording, path)
-    assert path.read_bytes() == before
-    assert [file.name for file in tmp_path.iterdir()] == ["a.parquet"]
+        write_recording(other, path)
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
     with refused("ending-unknown"):
         write_recording(recording, tmp_path / "a.txt")
 

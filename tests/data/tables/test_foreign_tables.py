@@ -86,11 +86,6 @@ def test_a_wrong_name_or_unit_is_named_with_the_nearest(foreign, columns, units,
             assert close in str(caught.value)
 
 
-def test_other_formats_have_names_of_their_own():
-    with refused("key-without-effect", key="data.columns"):
-        list(read_recordings(columns={"x": "y"}))
-
-
 def test_a_table_in_memory_takes_names_and_units(foreign):
     keys = {"columns": COLUMNS, "units": UNITS}
     scenes = cut_scenes(foreign, data=keys, scenes={"seconds": 5, "min_vehicles": 3, "slots": 3})
