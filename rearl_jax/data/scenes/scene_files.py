@@ -50,7 +50,7 @@ def load_scenes(path: str | Path) -> SceneSet:
 
     Raises:
         FileNotFoundError: There is no such file.
-        ValueError: It is not a file of scenes, or rows are missing or out of order.
+        ValueError: It is not a file of scenes, its description is wrong, or rows are missing or out of order.
     """
     path = Path(path)
     if not path.is_file():
@@ -59,18 +59,30 @@ def load_scenes(path: str | Path) -> SceneSet:
     if stored is None:
         message = f"the file holds no scenes (its metadata has no key {_METADATA})"
         raise InvalidInputError(Problem("no-scenes", message, _WRITE, file=str(path)))
-    meta = json.loads(stored)
+    try:
+        meta = json.loads(stored)
+        described = {
+            "speed_min": float(meta["speed_min"]),
+            "speed_max": float(meta["speed_max"]),
+            "speed_norm": SpeedNorm[meta["speed_norm"]],
+            "infos": tuple(RecordingInfo.from_json(info) for info in meta["infos"]),
+            "counts": SceneCounts(**meta["counts"]),
+            "settings": dict(meta["settings"]),
+        }
+        shape = n_scenes, n_frames, n_slots = tuple(map(int, meta["shape"]))
+    except (KeyError, TypeError, ValueError) as error:
+        message = f"the description of the scenes is incomplete or wrong: {type(error).__name__}: {error}"
+        raise InvalidInputError(Problem("metadata-unusable", message, _WRITE, file=str(path))) from error
     table = pd.read_parquet(path)
     missing = [name for name in (*ARRAYS, "k", "slot") if name not in table.columns]
     if missing:
         message = "the column is missing"
         raise InvalidInputError(Problem("column-missing", message, _WRITE, file=str(path), column=missing[0]))
-    shape = tuple(meta["shape"])
     k, slot = table["k"].to_numpy(np.int64), table["slot"].to_numpy(np.int64)
-    expected = np.arange(int(np.prod(shape)))
-    if len(table) != len(expected) or (k * shape[2] + slot != expected % (shape[1] * shape[2])).any():
+    expected = np.arange(n_scenes * n_frames * n_slots)
+    if len(table) != len(expected) or (k * n_slots + slot != expected % (n_frames * n_slots)).any():
         message = (
-            f"there are {len(table)} rows, the metadata state {shape[0]} scenes x {shape[1]} snapshots x {shape[2]} "
+            f"there are {len(table)} rows, the metadata state {n_scenes} scenes x {n_frames} snapshots x {n_slots} "
             "slots in this order: the file was changed after it was written"
         )
         raise InvalidInputError(Problem("rows-changed", message, _WRITE, file=str(path)))
@@ -78,20 +90,12 @@ def load_scenes(path: str | Path) -> SceneSet:
     for name in ARRAYS:
         column = table[name]
         if name in _PER_SCENE:
-            arrays[name] = column.to_numpy()[:: shape[1] * shape[2]].copy()
+            arrays[name] = column.to_numpy()[:: n_frames * n_slots].copy()
         else:
             values = column.to_numpy(np.int8, na_value=UNKNOWN_LANE) if name in _LANES else column.to_numpy()
             arrays[name] = values.reshape(shape)
     arrays["recording"] = arrays["recording"].astype(np.str_)
-    return SceneSet(
-        **arrays,
-        speed_min=meta["speed_min"],
-        speed_max=meta["speed_max"],
-        speed_norm=SpeedNorm[meta["speed_norm"]],
-        infos=tuple(RecordingInfo.from_json(info) for info in meta["infos"]),
-        counts=SceneCounts(**meta["counts"]),
-        settings=meta["settings"],
-    )
+    return SceneSet(**arrays, **described)
 
 
 def _metadata(scenes: SceneSet) -> str:

@@ -1,5 +1,6 @@
 """Scenes written and read again."""
 
+import json
 from dataclasses import fields, replace
 
 import numpy as np
@@ -99,4 +100,13 @@ def test_files_changed_afterwards_are_refused(scenes, study, change, code, colum
     stored = read_metadata(save_scenes(scenes, study))["scenes"]
     path = study.write_table("changed", change(scene_table(scenes)), scenes=stored)
     with refused(code, file=str(path), column=column):
+        load_scenes(path)
+
+
+@pytest.mark.parametrize("change", [{"shape": None}, {"shape": [6, 60]}, {"speed_norm": "nothing"}, {"counts": {"x": 1}}])
+def test_a_wrong_description_is_refused(scenes, study, change):
+    stored = json.loads(read_metadata(save_scenes(scenes, study))["scenes"])
+    changed = {key: value for key, value in (stored | change).items() if value is not None}
+    path = study.write_table("changed", scene_table(scenes), scenes=json.dumps(changed))
+    with refused("metadata-unusable", file=str(path)):
         load_scenes(path)
