@@ -21,7 +21,13 @@ from rearl_jax.data.checks.motion_checks import standing
 from rearl_jax.data.checks.placeholders import nowhere
 from rearl_jax.data.files.delimited import read_csv, read_header
 from rearl_jax.data.formats.highd import number_of, recording_files
-from rearl_jax.data.formats.highd_meta import read_tracks_meta, sound_frame_rate, sound_speed_limit, whole_tracks
+from rearl_jax.data.formats.highd_meta import (
+    check_single_row,
+    read_tracks_meta,
+    sound_frame_rate,
+    sound_speed_limit,
+    whole_tracks,
+)
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.roads.straightened import Straightened, leave_out, straightened
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
@@ -112,7 +118,8 @@ def read_recording(tracks_file: Path, policy: DataConfig) -> Recording:
 def _recording_meta(path: Path) -> tuple[float, float | None]:
     """Frame rate [1/s] and speed limit [m/s], None where there is none."""
     rows, _ = read_csv(path, {"frameRate": pa.float64(), "speedLimit": pa.float64()}, BadRows.stop)
-    if not rows.num_rows or rows["frameRate"][0].as_py() is None:
+    check_single_row(rows, path)
+    if rows["frameRate"][0].as_py() is None:
         raise bad_recording("no-rows", "the recording has no frame rate", "complete the file", path, column="frameRate")
     limit = rows["speedLimit"][0].as_py()
     frame_rate = sound_frame_rate(rows["frameRate"][0].as_py(), path)

@@ -39,18 +39,24 @@ class RecordingMeta:
     markings: dict[int, tuple[float, ...]]
 
 
+def check_single_row(rows: pa.Table, path: Path) -> None:
+    """Raise BadRecordingError unless a recording is described by one row."""
+    if rows.num_rows != 1:
+        message = f"a recording is described by one row, not {rows.num_rows}"
+        raise bad_recording("one-row", message, "keep the row of this recording", path)
+
+
 def read_recording_meta(path: Path) -> RecordingMeta:
     """Frame rate, speed limit and lane markings of one recording.
 
     Raises:
-        BadRecordingError: A column is missing, or a value is not a number.
+        BadRecordingError: A column is missing, there is not one row, or a value is not a number.
     """
     present = read_header(path)
     require_columns(present, _REQUIRED, path)
     columns = {name: pa.string() for name in (*_REQUIRED, *({"speedLimit"} & set(present)))}
     rows, _ = read_csv(path, columns, BadRows.stop)
-    if not rows.num_rows:
-        raise bad_recording("no-rows", "the recording has no row", "complete the file", path)
+    check_single_row(rows, path)
 
     def numbers(name: str, at_least: int) -> tuple[float, ...]:
         written = rows[name][0].as_py() or ""

@@ -193,6 +193,7 @@ CONTRADICTIONS = {
     "frame rate": ("recordingMeta", _set(0, frameRate="x"), "not-a-number", "frameRate", 1, "'x'"),
     "slow frame rate": ("recordingMeta", _set(0, frameRate=1e-310), "frame-rate", "frameRate", 1, "1e-310"),
     "no frame rate": ("recordingMeta", lambda t: t.drop(columns="frameRate"), "column-missing", "frameRate", None, ""),
+    "two recordings": ("recordingMeta", lambda t: pd.concat([t, t]), "one-row", None, None, "not 2"),
 }  # fmt: skip
 
 

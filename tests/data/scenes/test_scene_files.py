@@ -103,7 +103,9 @@ def test_files_changed_afterwards_are_refused(scenes, study, change, code, colum
         load_scenes(path)
 
 
-@pytest.mark.parametrize("change", [{"shape": None}, {"shape": [6, 60]}, {"speed_norm": "nothing"}, {"counts": {"x": 1}}])
+@pytest.mark.parametrize(
+    "change", [{"shape": None}, {"shape": [6, 60]}, {"speed_norm": "nothing"}, {"counts": {"x": 1}}]
+)
 def test_a_wrong_description_is_refused(scenes, study, change):
     stored = json.loads(read_metadata(save_scenes(scenes, study))["scenes"])
     changed = {key: value for key, value in (stored | change).items() if value is not None}
