@@ -9,15 +9,20 @@ from jaxtyping import Float
 from rearl_jax.discovery.comparison.choice import DRAWS
 from rearl_jax.discovery.observe.clocks import Clocks
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
-from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import halves
-from rearl_jax.discovery.report.protocols import FIRST_HALF, PREDICTING, prediction_errors
+from rearl_jax.discovery.report.protocols import (
+    FIRST_HALF,
+    PREDICTING,
+    ProtocolErrors,
+    first_half_errors,
+    prediction_errors,
+)
 from rearl_jax.discovery.resampling import resamples
 from rearl_jax.discovery.search.clock_check import correct_shifts
 from rearl_jax.discovery.search.decision import Trial
-from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, START_SHARES, TimeGapVariation, VariationSearch
+from rearl_jax.discovery.search.headway import START_SHARES, TimeGapVariation, VariationSearch
 from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.search.procedure import NullFor, Report, with_predictive_effects
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -66,9 +71,9 @@ def clocks_predict_better(solver: Solver, outcome: Search, checked: Measured, se
         return True
     earlier = correct_shifts(solver, Clocks(halves(checked).training), outcome.before).data
     corrected = replace(earlier, weight=checked.weight)
-    errors = _gap_errors_of(solver, checked, outcome.before), _gap_errors_of(solver, corrected, outcome.first)
-    before, after = ({name: found[name] for name in found.keys() & {FIRST_HALF}} for found in errors)
-    return is_significantly_better(before, after, seed)
+    before = first_half_errors(solver, checked, outcome.before)
+    after = first_half_errors(solver, corrected, outcome.first)
+    return is_significantly_better(_gap_errors({FIRST_HALF: before}), _gap_errors({FIRST_HALF: after}), seed)
 
 
 def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapVariation:
@@ -83,9 +88,10 @@ def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapV
     if not variation.start_share:
         return variation
     state = recalibrated(solver, outcome.checked, fit)
-    before = _gap_errors(solver, state, fit)
+    before = _gap_errors(prediction_errors(solver, state, fit))
     while variation.start_share:
-        if is_significantly_better(before, _gap_errors(solver, state, fit, variation), seed):
+        after = _gap_errors(prediction_errors(solver, state, fit, variation=variation))
+        if is_significantly_better(before, after, seed):
             break
         variation = variations.best([share for share in START_SHARES if share < variation.start_share])
     return variation
@@ -93,14 +99,11 @@ def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapV
 
 def _gap_errors_of(solver: Solver, data: Measured, fit: Fit) -> GapErrors:
     """Errors of a model for drivers that it was not fitted to."""
-    return _gap_errors(solver, recalibrated(solver, data, fit), fit)
+    return _gap_errors(prediction_errors(solver, recalibrated(solver, data, fit), fit))
 
 
-def _gap_errors(
-    solver: Solver, state: FitState, fit: Fit, variation: TimeGapVariation = CONSTANT_TIME_GAP
-) -> GapErrors:
-    errors = prediction_errors(solver, state, fit, variation=variation)
-    return {name: of_protocol.by_driver["gap_rmse"] for name, of_protocol in errors.items() if of_protocol}
+def _gap_errors(found: Mapping[str, ProtocolErrors | None]) -> GapErrors:
+    return {name: errors.by_driver["gap_rmse"] for name, errors in found.items() if errors}
 
 
 def is_significantly_better(before: GapErrors, after: GapErrors, seed: int) -> bool:

@@ -100,9 +100,16 @@ def prediction_errors(
     predicted = population if varied is average else measures_of(whole, [simulated_error(solver, varied)])
     return {
         "population": ProtocolErrors(all_drivers, predicted, population, 0),
-        FIRST_HALF: _predicted(solver, [halves(data)], fit, variation),
+        FIRST_HALF: first_half_errors(solver, data, fit, variation),
         "other_runs": _predicted(solver, runs, fit, variation),
     }
+
+
+def first_half_errors(
+    solver: Solver, data: Measured, fit: Fit, variation: TimeGapVariation = CONSTANT_TIME_GAP
+) -> ProtocolErrors | None:
+    """Errors of a fitted model under FIRST_HALF, for drivers to whom it was not fitted; None if none can be tested."""
+    return _predicted(solver, [halves(data)], fit, variation)
 
 
 def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit, variation: TimeGapVariation) -> ProtocolErrors | None:

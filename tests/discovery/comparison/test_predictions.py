@@ -18,7 +18,7 @@ from rearl_jax.discovery.read.training import halves
 from rearl_jax.discovery.report.protocols import ProtocolErrors
 from rearl_jax.discovery.search import procedure
 from rearl_jax.discovery.search.clock_check import ClockCheck
-from rearl_jax.discovery.search.headway import START_SHARES, TimeGapVariation
+from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, START_SHARES, TimeGapVariation
 from rearl_jax.discovery.search.simulated_drives import simulate_again
 from tests.discovery.search.searches import search_that_added
 
@@ -147,7 +147,7 @@ def test_the_start_of_a_drive_is_used_as_far_as_it_predicts_others(solver, calib
         def best(self, start_shares=START_SHARES):
             return TimeGapVariation(sd=0.3, start_share=max(start_shares))
 
-    def predicted(*_, variation):
+    def predicted(*_, variation=CONSTANT_TIME_GAP):
         error = with_start.get(variation.start_share, 2.0) * DRIVERS + 0.1 * np.cos(3 * DRIVERS)
         if variation.start_share:
             error += 0.2 * np.sin(40 * DRIVERS)
