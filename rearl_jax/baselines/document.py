@@ -26,7 +26,7 @@ def document_of(config: TrainPpoTask, curve: pd.DataFrame, summary: Mapping[str,
     """
     columns = {"car_steps": "vehicle-seconds", "return": "return", "crashed": "crashed", "speed": "speed [m/s]"}
     shown = np.unique(np.linspace(0, len(curve) - 1, _SHOWN_UPDATES).round().astype(int))
-    title = f"PPO by vehicle-seconds, {len(curve)} updates of {config.ppo.batch(config.core.n_vehicles):,}"
+    title = f"PPO: {len(curve)} updates of {config.ppo.batch(config.core.n_vehicles):,} vehicle-seconds each"
     updates = table_of(title, curve.iloc[shown], columns | {name: name for name in ACTION_NAMES})
     notes = [
         f"return: rewards of a vehicle until it crashes, {config.ppo.horizon} at most; actions are drawn in "

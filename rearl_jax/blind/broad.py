@@ -80,6 +80,7 @@ def broad_truth(case: Case) -> dict[str, Any]:
         truth = hidden_truth(scenario, events)
     else:
         planted = [_planted_in_sumo(item.name, drawn.rules) for item in scenario.planted]
+        # Vehicles of SUMO have one lane each here; interventions against collisions are not counted.
         truth = {"planted": planted, "n_lane_changes": 0, "n_emergencies": 0}
     followers = events.fleet.rank > 0
     is_recorded = (events.time >= 0.0) & (events.time <= scenario.duration)
@@ -101,7 +102,10 @@ def broad_truth(case: Case) -> dict[str, Any]:
 
 
 def _by_sumo(case: Case, scenario: Scenario) -> tuple[Events, Rules]:
-    """The traffic, with the difference to the same traffic without the effect as the effect's size."""
+    """The traffic, and the rules in force. The size of an effect is here the root mean square difference [m/s^2] of the
+    accelerations with and without the rule, so that it contains how far the two simulations drift apart; it is not
+    comparable with sizes in traffic of the project's own generator.
+    """
     names = {item.name for item in case.planted}
     rules = Rules(
         MODELS[case.base.removeprefix("sumo_")],

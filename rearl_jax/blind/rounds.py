@@ -84,7 +84,7 @@ def open_study(folder: Path, config_hash: str, blind: BlindConfig, watch: Watch)
 def run_cases(
     folder: Path, study: str, cases: Sequence[Case], discover: Discover, blind: BlindConfig, watch: Watch
 ) -> None:
-    """Runs discovery on every data set without a verdict, in this order; verdicts are written atomically.
+    """Runs discovery on every data set without a verdict, in the order given; verdicts are written atomically.
 
     `study` is the name of the folder under results.root.
     """

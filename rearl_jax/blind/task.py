@@ -30,7 +30,8 @@ from rearl_jax.results import Study, config_hash
 
 
 def run(config: DiscoverBlindTask) -> dict:
-    """The summary: every rate with its interval.
+    """Runs or resumes the study, writes its files, and gives back the content of summary.json: every rate with its
+    interval.
 
     Raises:
         ModuleNotFoundError: The study contains data sets of SUMO, which is not installed.
@@ -45,7 +46,7 @@ def run_with(config: DiscoverBlindTask, discover: Discover) -> dict:
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
     with progress_bar() as bar:
-        protocol, results = _judged(config, study, discover, bar)
+        protocol, results = _run_and_judge(config, study, discover, bar)
     seeds = {"seeds": f"blind.seed={protocol.master_seed}", "truth_sha256": str(protocol.truth_sha256)}
     tables = {
         "cases": results.case_table(),
@@ -69,19 +70,19 @@ def run_with(config: DiscoverBlindTask, discover: Discover) -> dict:
     return summary
 
 
-def _judged(
+def _run_and_judge(
     config: DiscoverBlindTask, study: Study, discover: Discover, bar: Progress
 ) -> tuple[Protocol, BlindResults]:
-    """The protocol, and the results of the data sets that were asked for, each run unless it has a verdict."""
+    """The protocol, and the results of the first `blind.first` data sets, each run unless it has a verdict."""
     # The truth of all data sets is sealed, so that stopping early reveals nothing about the remaining ones.
     whole = replace(config, blind=replace(config.blind, first=None))
     protocol, all_cases = open_study(study.path, config_hash(whole), config.blind, shown(bar, "truth"))
     cases = all_cases[: config.blind.first]
-    remaining = time_left(count_finished(study.path, cases), time.perf_counter())
+    text_on_remaining = time_left(count_finished(study.path, cases), time.perf_counter())
     line = bar.add_task("data sets", total=len(cases))
 
     def watch(done: int, total: int) -> None:
-        bar.update(line, description=f"data sets{remaining(done, total)}", completed=done, total=total)
+        bar.update(line, description=f"data sets{text_on_remaining(done, total)}", completed=done, total=total)
 
     run_cases(study.path, config.study, cases, discover, config.blind, watch)
     return protocol, BlindResults(judge_cases(study.path, protocol, cases), len(all_cases))

@@ -52,8 +52,8 @@ class Curves:
         """Keeps the curves and draws the sample.
 
         Args:
-            curves: Features scaled and weighted; curves contiguous.
-            kl: Distance, sample and seed; k and l come with each call.
+            curves: Scaled and weighted features [-].
+            kl: Distance, sample and seed. Clusters k and vertices l come with each call; k is checked here.
 
         Raises:
             ValueError: Fewer curves than clusters.
@@ -129,7 +129,9 @@ def iterates(curves: Curves, kl: KlConfig) -> Iterator[Centres]:
 
 
 def first_centres(curves: Curves, kl: KlConfig) -> Float[np.ndarray, "centres features vertices"]:
-    """Simplified curves: medoids of the sample, or farthest first over all curves."""
+    """Simplified curves to begin with: by `kl.init` the medoids of the sample (PAM), medoids found from its farthest
+    curves, or the farthest of all curves.
+    """
     if kl.init is KlInit.gonzalez:
         return _gonzalez(curves, kl)
     candidates, distances = curves.among_sample(kl.l)
@@ -183,17 +185,18 @@ def _centred(
 
 
 def enclosing_ball(points: Float[np.ndarray, "features points"], steps: int) -> Float[np.ndarray, " features"]:
-    """Centre of the smallest ball around the points: from their mean, step i goes 1/(i+1) of the way to the farthest.
+    """Centre of about the smallest ball around the points: from their mean, step i goes 1/(i+1) of the way to the
+    farthest; the best of all steps.
 
     Source: Badoiu & Clarkson, Smaller core-sets for balls, SODA 2003.
     """
-    centre, radius = points.mean(axis=1), np.inf
+    centre, squared_radius = points.mean(axis=1), np.inf
     best = centre
     for step in range(1, steps + 1):
         squared = ((points - centre[:, None]) ** 2).sum(axis=0)
         farthest = int(squared.argmax())
-        if squared[farthest] < radius:
-            best, radius = centre, squared[farthest]
+        if squared[farthest] < squared_radius:
+            best, squared_radius = centre, squared[farthest]
         centre = centre + (points[:, farthest] - centre) / (step + 1)
     return best
 

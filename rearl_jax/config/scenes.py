@@ -1,6 +1,6 @@
 """Configuration of scenes: windows, vehicles, speeds, distances, splits.
 
-Defaults marked "REARL" are stated in the paper (Bi et al.).
+Defaults marked "REARL" are those of the paper (Bi et al.).
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 class Direction(Enum):
-    """Vehicles of a scene."""
+    """Carriageways of a scene."""
 
     pooled = "pooled"
     """Both carriageways together: a 2 + 2-lane motorway is one scene."""
@@ -169,12 +169,14 @@ class SplitConfig:
     unit: SplitUnit = key(SplitUnit.scenario, "unit assigned as a whole: scenario (REARL), recording, block")
     seed: int = key(0, "seed of the random assignment")
     block_seconds: float = key(300.0, "length of a block [s], for split.unit=block")
-    threshold: int | None = key(None, "number of threshold scenes; null = 150 of 741 scenes (REARL), else a fifth")
+    threshold: int | None = key(
+        None, "number of scenes for the thresholds of the detector; null = 150 if there are 741 (REARL), else a fifth"
+    )
     tuning: int | None = key(
-        None, "number of tuning scenes; null = 15 of 741 scenes (REARL), else in proportion, at least 5"
+        None, "number of tuning scenes; null = 15 if there are 741 (REARL), else in proportion, 5 to 15"
     )
     evaluation: int | None = key(
-        None, "number of evaluation scenes; null = 50 of 741 scenes (REARL), else in proportion, at least 5"
+        None, "number of evaluation scenes; null = 50 if there are 741 (REARL), else in proportion, 5 to 50"
     )
 
     def check(self) -> None:

@@ -95,7 +95,10 @@ def parts_of(
 
 
 def by_first_file(find: Callable[[Path], list[Path]], is_one: Callable[[Path], bool]) -> Callable[[Path], Path | None]:
-    """Recognises a file by its first lines, or a folder by its first file; data.root must name what is given."""
+    """Recognises a file, or a folder by the first of its files; data.root must name the file or folder itself.
+
+    `is_one` judges a file by its first lines.
+    """
 
     def recognises(path: Path) -> Path | None:
         try:

@@ -46,6 +46,8 @@ _CENTRES = (
 def to_highway_env(population: Population, n_drivers: int, seed: int) -> Exported:
     """A JSON list of drivers drawn from a population, each an object of attributes of `IDMVehicle`.
 
+    The population is as of `models.population.population_of_model`.
+
     Raises:
         InvalidInputError: The drivers have another car-following model than IDM.
     """

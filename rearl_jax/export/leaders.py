@@ -13,7 +13,7 @@ from rearl_jax.problems import InvalidInputError, Problem
 
 
 def leader_speeds(data: DataConfig, n_leaders: int, seconds: int) -> Float[np.ndarray, "steps leaders"]:
-    """Speeds of vehicles without a leader [m/s] in pieces of some seconds [s], at the clock of the simulations.
+    """Speeds of vehicles without a leader [m/s], `n_leaders` pieces of some seconds at the clock of the simulations.
 
     Long tracks are cut into several pieces; the chosen pieces are spread evenly over all pieces.
 

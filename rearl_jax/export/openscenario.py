@@ -38,6 +38,8 @@ def check_openscenario() -> None:
 def to_openscenario(population: Population, n_drivers: int, seed: int) -> Exported:
     """A catalogue of controllers, each a driver drawn from a population.
 
+    The population is as of `models.population.population_of_model`.
+
     Raises:
         ModuleNotFoundError: scenariogeneration is not installed.
     """

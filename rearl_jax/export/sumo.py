@@ -125,7 +125,7 @@ _NO_LANE_CHANGES = "SUMO's lane changing has no politeness, gain and braking of 
 def to_sumo(population: Population, n_types: int, seed: int, *, extended: bool = False) -> Exported:
     """A SUMO additional file with a distribution of vehicle types, drawn from a population with equal probability.
 
-    `extended` takes SUMO's model with further terms.
+    The population is as of `models.population.population_of_model`; `extended` takes SUMO's model with further terms.
 
     Raises:
         InvalidInputError: SUMO has no car-following model with this equation.

@@ -32,7 +32,7 @@ SLOTS = 2
 """
 
 _LOADING_TIMEOUT = 180.0
-"""Longest time for a server to load its model [s]."""
+"""Longest time without a word from a server that loads its model [s]."""
 
 
 def local_model() -> Path:
@@ -71,15 +71,19 @@ def server_at(address: str) -> Iterator[str]:
     pipe, null = subprocess.PIPE, subprocess.DEVNULL
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=null, text=True) as process:
         try:
-            started = _address(process)
+            started = _wait_until_ready(process)
             log.info("language model %s at %s", model.stem, started)
             yield f"{started}/v1"
         finally:
             process.kill()
 
 
-def _address(process: "subprocess.Popen[str]") -> str:
-    """Address that the server prints as `READY <address>` when it accepts requests."""
+def _wait_until_ready(process: "subprocess.Popen[str]") -> str:
+    """The address that the server prints as `READY <address>` when it accepts requests.
+
+    Raises:
+        OSError: The server ended, or said nothing for too long (TimeoutError).
+    """
     assert process.stdout is not None
     lines: queue.Queue[str] = queue.Queue()
     threading.Thread(target=_read, args=(process.stdout, lines), daemon=True).start()

@@ -21,7 +21,7 @@ PROMISED = {
     ),
     "add-effect": (r"at 1000 m: \d+\.\d m/s without, \d+\.\d m/s with it", r"EffectValues\(name='rubbernecking'"),
     "add-recording-format": (r"^morning \d+ rows$", r"recordings +│ +1\b"),
-    "add-metric": (r"^short time headways: 0\.5 of 6 pairs$",),
+    "add-metric": (r"^short time gaps: share 0\.5 of 6 pairs$",),
 }
 """Patterns of the output of a page's blocks without a title."""
 

@@ -54,7 +54,7 @@ class Driving:
 def driving_of(recordings: Iterable[Recording], stretches: Mapping[str, Sequence[Stretch]]) -> Driving:
     """Statistics of every car and truck in view for a second or more in some parts of the recordings.
 
-    A vehicle counts once per recording.
+    A vehicle in several parts of one recording is one entry.
 
     Args:
         recordings: The recordings, one in memory at a time.
@@ -88,11 +88,11 @@ def _of_recording(recording: Recording, stretches: Sequence[Stretch]) -> Driving
             (vehicle[n_frames:] == vehicle[:-n_frames]) & (frame[n_frames:] - frame[:-n_frames] == n_frames)
         )
 
-    second = max(1, round(recording.info.frame_rate))  # frames
-    duration = second / recording.info.frame_rate  # a second, unless the frame rate is no whole number
-    pairs, steps = rows_before(second), rows_before(1)
+    lag = max(1, round(recording.info.frame_rate))  # frames
+    duration = lag / recording.info.frame_rate  # a second, unless the frame rate is no whole number
+    pairs, steps = rows_before(lag), rows_before(1)
     n_pairs = np.bincount(vehicle[pairs], minlength=n_vehicles)
-    change = np.bincount(vehicle[pairs], np.abs(speed[pairs + second] - speed[pairs]) / duration, n_vehicles)
+    change = np.bincount(vehicle[pairs], np.abs(speed[pairs + lag] - speed[pairs]) / duration, n_vehicles)
     before, after = lane[steps], lane[steps + 1]
     changed = steps[np.isfinite(before) & np.isfinite(after) & (before != after)]
     has_pairs = n_pairs > 0
@@ -119,8 +119,9 @@ def recorded_mixture(driving: Driving) -> Mixture:
     cars = ~driving.is_truck
     columns = (driving.speed, driving.acceleration, driving.lane_changes)
     features = np.stack([column[cars] for column in columns], axis=1).astype(np.float64)
-    if len(np.unique(features, axis=0)) < N_GROUPS:
-        message = f"the threshold scenes hold too few cars to distinguish {N_GROUPS} kinds of drivers ({len(features)})"
+    if (n_different := len(np.unique(features, axis=0))) < N_GROUPS:
+        message = f"{N_GROUPS} kinds of drivers need {N_GROUPS} cars that drive differently; the threshold scenes have "
+        message += f"{n_different} among {len(features)} cars"
         remedy = "set critical.ratios=[AGGRESSIVE,DEFENSIVE,TRUCK] or critical.proposer=search"
         raise InvalidInputError(Problem("cars-too-few", message, remedy))
     spread = features.std(axis=0)

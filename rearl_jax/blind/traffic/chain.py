@@ -10,7 +10,9 @@ from rearl_jax.blind.traffic.simulation import Events
 
 
 def release(scenario: Scenario, chain: Chain, events: Events) -> Frames:
-    """The columns as the data provider releases them."""
+    """The columns as the data provider releases them, measured and processed by the drawn `chain`; a data set without
+    broad priors is measured by `measurement.measure`.
+    """
     rng = np.random.default_rng([scenario.seed, 6])
     rate = scenario.frame_rate
     pad, n_frames = round(PAD * rate), round(scenario.duration * rate) + 1
@@ -64,19 +66,21 @@ def weights(kernel: str, deviation: float) -> np.ndarray:
     elif kernel == "triangular":
         values = np.maximum(0.0, 1.0 - np.abs(frame) / (np.sqrt(6.0) * deviation))
     else:
-        # A frame at the edge counts with the part of it that is inside.
+        # A moving average; a frame at its edge counts with the part of it that is inside.
         values = np.clip(np.sqrt(3.0) * deviation + 0.5 - np.abs(frame), 0.0, 1.0)
     return values / values.sum()
 
 
 def _across(chain: Chain, events: Events, time: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Lane and lateral position [m] in every frame; the sideways motion begins with the decision."""
+    """Lane, and lateral position from the left edge of the leftmost lane [m], in every frame; the sideways motion
+    begins with the decision.
+    """
     delay = 0.5 * chain.change_time if chain.lane == "marking" else 0.0
     lane = events.lane[np.searchsorted(events.time, time - delay - 1e-6)]
     lateral = events.wander[np.searchsorted(events.time, time - 1e-6)] + LANE_WIDTH * (events.lane[0] + 0.5)
     for step, vehicle in zip(*np.nonzero(np.diff(events.lane, axis=0)), strict=True):
         share = np.clip((time - events.time[step + 1]) / chain.change_time, 0.0, 1.0)
         jump = int(events.lane[step + 1, vehicle]) - int(events.lane[step, vehicle])
-        # A path of minimum jerk.
+        # A path of minimum jerk is at the marking after half of its time, hence the delay above.
         lateral[:, vehicle] += LANE_WIDTH * jump * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     return lane, lateral + LATERAL_NOISE * rng.standard_normal(lateral.shape)

@@ -25,7 +25,7 @@ BOUNDS = {
     "approach_gain": (0.01, 5.0),
     "speed_gain": (0.01, 5.0),
 }
-"""Bounds of single drivers."""
+"""Bounds of the parameters of single drivers, in the units of `models`; wider than `population.BOUNDS`."""
 
 
 def draw_scenario(
@@ -42,10 +42,10 @@ def draw_scenario(
     Args:
         priors: Priors.
         planted: Hidden effects.
-        base: One of BASES or SUMO_BASES.
+        base: The car-following model, one of BASES or SUMO_BASES.
         seed: Seed of the data set.
         attempt: Number of the attempt; each has other draws.
-        followers: Followers in all recordings; None to draw it.
+        followers: Followers in all recordings together, rounded to as many on each lane; None to draw it.
         duration: Recorded time [s]; None to draw it.
     """
     rng = np.random.default_rng([seed, attempt, 9])
@@ -53,6 +53,7 @@ def draw_scenario(
     population = _population(priors, BASES["idm" if is_sumo else base].parameters, rng)
     speed_scale = population.median("desired_speed") / USUAL.median("desired_speed")
     n_lanes = int(rng.choice(CHOICES["n_lanes"]))
+    # Drawn even where they are given, so that the draws after them are the same.
     drawn_followers, drawn_duration = priors.followers.draw(rng), priors.duration.draw(rng)
     per_recording = (followers or drawn_followers) / N_RECORDINGS
     per_lane = max(1, round(per_recording / n_lanes))
@@ -76,15 +77,17 @@ def draw_scenario(
         noise_spread=priors.noise_spread.draw(rng),
         noise_growth=priors.noise_growth.draw(rng),
         position_noise=priors.position_noise.draw(rng),
-        noise_time=_in_half(priors.noise_time.draw(rng), rng),
-        base="idm" if is_sumo else base,
+        noise_time=_value_or_zero(priors.noise_time.draw(rng), rng),
+        base="idm" if is_sumo else base,  # gives the gaps from which SUMO's own drivers start
         population=population,
         chain=_chain(priors, rng),
     )
 
 
 def _population(priors: Priors, names: tuple[str, ...], rng: np.random.Generator) -> Population:
-    """Drivers with IDM's parameters, which sizes of effects refer to, and those of the car-following model."""
+    """Drivers with the parameters of the car-following model, and in any case those of IDM: the strengths of hidden
+    effects are relative to them.
+    """
     all_names = tuple(dict.fromkeys((*CARS, *names)))
     factors = {
         "desired_speed": priors.truck_speed.draw(rng),
@@ -114,7 +117,7 @@ def _correlation(n: int, bound: float, rng: np.random.Generator) -> tuple[tuple[
 
 
 def _chain(priors: Priors, rng: np.random.Generator) -> Chain:
-    kernel_time = _in_half(priors.kernel_time.draw(rng), rng)
+    kernel_time = _value_or_zero(priors.kernel_time.draw(rng), rng)
     kernel = str(rng.choice(CHOICES["kernel"]))
     return Chain(
         kernel=kernel if kernel_time else "none",
@@ -127,6 +130,6 @@ def _chain(priors: Priors, rng: np.random.Generator) -> Chain:
     )
 
 
-def _in_half(value: float, rng: np.random.Generator) -> float:
-    """A value, or 0 with a probability of one half."""
+def _value_or_zero(value: float, rng: np.random.Generator) -> float:
+    """The value or 0, each with a probability of one half."""
     return value if rng.random() < 0.5 else 0.0

@@ -8,7 +8,7 @@ from rearl_jax.blind.traffic.snapshot import Snapshot
 
 
 class SlowReaction(HiddenEffect):
-    """The wanted acceleration is executed 0.7 s later."""
+    """The wanted acceleration is executed 0.7 s times the strength later."""
 
     truths = ("reaction_delay",)
     usual = {"delay": 0.7}
@@ -23,7 +23,9 @@ class SlowReaction(HiddenEffect):
 
 
 class Anticipation(HiddenEffect):
-    """The driver reacts to the gap and own speed expected in 0.7 s if the leader keeps its speed.
+    """The driver reacts to the gap and own speed expected in 0.7 s times the strength, if the leader keeps its speed.
+
+    The library of effects has anticipation as a negative reaction delay.
 
     Source: Treiber, Kesting & Helbing, Physica A 360 (2006) 71, section 3.3 (temporal anticipation).
     """
@@ -36,9 +38,11 @@ class Anticipation(HiddenEffect):
 
 
 class Foresight(HiddenEffect):
-    """Interactions with three vehicles ahead are summed with falling coefficients, each on its share of the gap.
+    """The interactions with the second and third vehicle ahead are added, times 0.25 and 0.08, each at the mean of the
+    gaps between the vehicles up to there and at most 9 times the one at equilibrium.
 
-    Source: Treiber, Kesting & Helbing, Physica A 360 (2006) 71, eq. 14, without the normalisation.
+    Source: Treiber, Kesting & Helbing, Physica A 360 (2006) 71, eq. 14, without the normalisation; the coefficients and
+    the limit are ours.
     """
 
     truths = ("several_leaders",)
@@ -54,36 +58,40 @@ class Foresight(HiddenEffect):
 
 
 class BrakeLights(HiddenEffect):
-    """The driver adds half of the leader's acceleration, low-pass filtered over 0.3 s; less with a larger gap."""
+    """The driver adds half of the leader's acceleration, of either sign, low-pass filtered with a time constant of
+    0.3 s. The share falls linearly with the gap, to 0 at 150 m.
+    """
 
     truths = ("leader_acceleration",)
-    lag, sight = 0.3, 150.0  # s, m
+    time_constant, sight = 0.3, 150.0  # s, m
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        self._felt = np.zeros(now.n)
+        self._filtered = np.zeros(now.n)
 
     def observe(self, now: Snapshot, dt: float) -> None:
-        self._felt = self._felt + dt / self.lag * (now.acceleration[now.leader] - self._felt)
+        self._filtered = self._filtered + dt / self.time_constant * (now.acceleration[now.leader] - self._filtered)
 
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         near = np.maximum(0.0, 1.0 - now.gap_to(now.leader) / self.sight)
-        return value + 0.5 * self.strength * near * self._felt
+        return value + 0.5 * self.strength * near * self._filtered
 
 
 class HardBraking(HiddenEffect):
-    """The reaction to approaching is stronger than to falling back; both saturate."""
+    """A driver less than 150 m behind a leader brakes harder while approaching: by 0.22 1/s times the approach rate, of
+    which up to 6 m/s count. Nothing is added while the gap opens.
+    """
 
     truths = ("asymmetry",)
 
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         dv = now.speed[: now.n] - now.speed[now.leader]
-        followed = now.gap_to(now.leader) < 150.0
-        return value - 0.22 * self.strength * followed * np.clip(dv, 0.0, 6.0)
+        has_leader = now.gap_to(now.leader) < 150.0
+        return value - 0.22 * self.strength * has_leader * np.clip(dv, 0.0, 6.0)
 
 
 class SlowNeighbours(HiddenEffect):
-    """The nearest vehicle ahead on an adjacent lane slows down faster drivers, in proportion to a speed difference of
-    up to 6 m/s.
+    """The first vehicle on an adjacent lane from 8 m behind to 45 m ahead (between centres) slows down faster drivers:
+    by 0.6 m/s^2 at a speed difference of 6 m/s or more, by less in proportion.
     """
 
     truths = ("lane_friction",)
@@ -91,7 +99,7 @@ class SlowNeighbours(HiddenEffect):
 
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         offsets = now.offsets_beside()
-        other = now.nearest(np.where((offsets > -8.0) & (offsets < 45.0), offsets, np.inf))
+        other = now.first_of(np.where((offsets > -8.0) & (offsets < 45.0), offsets, np.inf))
         faster_by = now.speed[: now.n] - now.speed[other]
         return value - 0.6 * self.strength * (other != now.n) * np.clip(faster_by / 6.0, 0.0, 1.0)
 
@@ -103,13 +111,13 @@ class StayingBehind(HiddenEffect):
 
     truths = ("no_undertaking",)
     usual = {"weight": 0.5}
-    crawl, hardest = 16.0, 2.0  # m/s, m/s^2
+    least_speed, most_braking = 16.0, 2.0  # m/s, m/s^2
 
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         other = now.ahead_on_left()
         speed = now.speed[: now.n]
         dv = speed - now.speed[other]
         wanted = now.model.acceleration(now.drivers(), now.interaction(now.gap_to(other), dv))
-        behind = np.maximum(wanted, -self.hardest)
-        passes = (speed > self.crawl) & (dv > 0.0) & (other != now.n)
+        behind = np.maximum(wanted, -self.most_braking)
+        passes = (speed > self.least_speed) & (dv > 0.0) & (other != now.n)
         return value + 0.5 * self.strength * np.where(passes, np.minimum(behind - value, 0.0), 0.0)

@@ -2,8 +2,9 @@
 
 Twice a second all drivers compare lanes and change at random, with a probability that grows with the gain.
 
-The gain of a change is that in the driver's acceleration (Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007)
-86); the choice is a logit model of the gain (McFadden, in: Frontiers in Econometrics (1974) 105).
+The gain is the acceleration that the driver gains by the change: MOBIL without politeness (Kesting, Treiber & Helbing,
+Transp. Res. Rec. 1999 (2007) 86). Its safety criterion holds for the driver and for the new follower. The choice is a
+logit model of the gain (McFadden, in: Frontiers in Econometrics (1974) 105).
 """
 
 from collections.abc import Sequence
@@ -14,15 +15,15 @@ from rearl_jax.blind.traffic.effect import HiddenEffect
 from rearl_jax.blind.traffic.snapshot import Choice, Snapshot
 
 PERIOD = 25
-"""Sub-steps from one decision to the next."""
+"""Sub-steps from one decision to the next, half a second."""
 
-REST = 5.0
+LEAST_TIME_BETWEEN = 5.0
 """Time [s] after a change during which a driver does not change again."""
 
 LEAST_GAP = 3.0
 """Smallest gap [m] ahead and behind for a change."""
 
-HARDEST = 3.0
+SAFE_DECELERATION = 3.0
 """Largest deceleration [m/s^2] that a change may require of the driver or of the new follower."""
 
 THRESHOLD, SCATTER = 0.3, 0.15
@@ -40,10 +41,10 @@ class FreeChanges:
         self._changed = np.full(n, -np.inf)
 
     def carry_out(self, now: Snapshot) -> None:
-        """Executes decided lane changes; of conflicting changes, only one."""
+        """Draws the decisions of all drivers when they are due, and executes them; of conflicting changes only one."""
         if now.step % PERIOD:
             return
-        rested = (now.time - self._changed >= REST) & (now.fleet.rank > 0)
+        rested = (now.time - self._changed >= LEAST_TIME_BETWEEN) & (now.fleet.rank > 0)
         decided, choices = [], (weigh(now, -1), weigh(now, +1))
         for choice in choices:
             value = choice.gain
@@ -87,9 +88,9 @@ def weigh(now: Snapshot, side: int) -> Choice:
     rear_after = np.where(rear == now.n, 0.0, now.model.acceleration(now.drivers(rear), behind_me))
     own_after = now.model.acceleration(drivers, there)
     lane, gain = now.lane + side, scale(drivers) * (here - there)
-    # The first vehicle of a lane does not react to others, so no vehicle may pass it.
+    # The first vehicle of a lane drives as prescribed: it changes no lane, and nobody changes to a place before it.
     fits = (leader < now.n) & (gap > LEAST_GAP) & (rear_gap > LEAST_GAP) & (now.leader < now.n)
-    fits &= (lane >= 0) & (lane < now.n_lanes) & (own_after > -HARDEST) & (rear_after > -HARDEST)
+    fits &= (lane >= 0) & (lane < now.n_lanes) & (own_after > -SAFE_DECELERATION) & (rear_after > -SAFE_DECELERATION)
     cost_to_rear = scale(now.drivers(rear)) * (behind_me - before)
     return Choice(side, leader, rear, gap, rear_gap, gain, cost_to_rear, scale(now.drivers(follower)) * relief, fits)
 
@@ -99,11 +100,11 @@ def _neighbours(now: Snapshot, side: int) -> tuple[np.ndarray, np.ndarray]:
     position = now.position[: now.n]
     group = now.fleet.recording * (now.n_lanes + 2) + now.lane + 1
     order = np.lexsort((position, group))
-    # All lanes one behind the other on one line, farther apart than any vehicle is from another.
+    # Lanes lie one behind the other on one line, so that one search finds the neighbours on all of them.
     span = np.ptp(position) + 1.0
     line = (group * span + position - position.min())[order]
-    there = np.searchsorted(line, (group + side) * span + position - position.min(), side="right")
-    ahead, behind = np.append(order, now.n)[there], np.append(now.n, order)[there]
+    place = np.searchsorted(line, (group + side) * span + position - position.min(), side="right")
+    ahead, behind = np.append(order, now.n)[place], np.append(now.n, order)[place]
     groups = np.append(group, -1)
     leader, rear = (np.where(groups[other] == group + side, other, now.n) for other in (ahead, behind))
     return leader, rear

@@ -106,9 +106,9 @@ class Snapshot:
         """Index of the next vehicle ahead on the left lane, n if there is none; updated like `offsets_beside`."""
         offsets, lanes = self.offsets_beside(), self.lane.reshape(self._shape)
         is_left = np.repeat(lanes, self._shape[1], axis=0) < self.lane[:, None]
-        return self.nearest(np.where(is_left & (offsets >= 0.0), offsets, np.inf))
+        return self.first_of(np.where(is_left & (offsets >= 0.0), offsets, np.inf))
 
-    def nearest(self, offsets: np.ndarray) -> np.ndarray:
+    def first_of(self, offsets: np.ndarray) -> np.ndarray:
         """Index of the vehicle with the smallest of the given offsets (form of `offsets_beside`); n if all are
         infinite.
         """

@@ -60,7 +60,7 @@ def continue_in(track: np.ndarray, frame: np.ndarray, part: np.ndarray, other: n
 
 
 def fill_gaps_of(vehicles: np.ndarray, others: np.ndarray) -> bool:
-    """True if a recording has fewer vehicles, each given once, than another one, and the numbers missing there."""
+    """True if a recording has fewer vehicles than another one, and numbers missing there; each vehicle occurs once."""
     if len(vehicles) >= len(others) or np.isin(vehicles, others).any():
         return False
     taken = len(others) / (max(vehicles.max(), others.max()) - min(vehicles.min(), others.min()) + 1)
@@ -81,7 +81,7 @@ def require_own_rows(rows: pd.DataFrame, file: str, column: str) -> None:
     """Raise BadRecordingError if a recording of few vehicles is part of another one.
 
     It is if its vehicles continue in the other one, or if the two names differ by case or blanks only. The rows have
-    the columns `recording`, `track_id`, and `frame` or `time`.
+    the columns `recording`, `track_id`, and `frame` or `time`; the error counts them from 1.
     """
     code, values = pd.factorize(rows["recording"])
     names = [str(name) for name in values]

@@ -41,7 +41,8 @@ def named_files(root: Path, endings: Sequence[str], wanted: str, usual: str) -> 
     """The file that is named, or the visible files of the folder whose names have one of the endings.
 
     Raises:
-        MissingInputError: There is none; it says what is `wanted`, and the `usual` endings, such as `.csv or .txt`.
+        MissingInputError: There is none. It states what data.root must name (`wanted`), and the usual endings in words
+            (`usual`), such as `.csv or .txt`.
     """
     if root.is_file():
         return [_with_text_name(root)]
@@ -93,7 +94,7 @@ def only_parquet(root: Path, wanted: str) -> Path:
     """The one Parquet file in the folder.
 
     Raises:
-        MissingInputError: There is none, or more than one.
+        MissingInputError: There is none, or more than one; `wanted` states what data.root must name.
     """
     files = visible_files(root, (".parquet",))
     if len(files) != 1:
@@ -122,7 +123,7 @@ def is_visible(file: Path) -> bool:
 
 
 def recordings_missing(found: str, root: Path, wanted: str, endings: Sequence[str] = ()) -> MissingInputError:
-    """The error for a folder that holds `found`, such as `no .csv`, and not what is `wanted`.
+    """The error for a folder that holds `found`, such as `no .csv`, and not what data.root must name, `wanted`.
 
     Subfolders that hold files with one of the endings are named.
     """

@@ -158,7 +158,7 @@ def joined_pairs(pairs: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
 
     Pairs have the columns that `read_pairs` reads, and optional ones of the follower (`f`) and the leader (`l`):
     `length_f_m`, `width_f_m`, `width_l_m`, `class_f`, `class_l` (classes of the canonical table), and `x_f_m`, lateral
-    positions of the followers.
+    positions of the followers. Vehicles of unknown length get `default_length`.
     """
     _require_ids(pairs, info)
     _require_units(pairs, info)

@@ -36,7 +36,7 @@ def unit_stated(column: str, kind: str, file: Path) -> str | None:
     """Unit that the name of a column states in brackets; None if it states none.
 
     Raises:
-        BadRecordingError: It is no unit of the kind, a key of UNITS.
+        BadRecordingError: It is no unit of this kind, which is given by its SI unit, a key of UNITS.
     """
     _, stated = split_unit(column)
     unit = unit_named(stated, kind) if stated else None

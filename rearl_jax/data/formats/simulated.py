@@ -63,7 +63,11 @@ def is_generated(data: DataConfig, root: Path) -> bool:
 def info_of(
     path: Path, id: str, source: str, labels: tuple[str, ...], notes: Sequence[str], columns: dict[str, str]
 ) -> RecordingInfo:
-    """The record of a simulated recording; frame rate, lanes and road length are placeholders until rows are read."""
+    """The record of a simulated recording; frame rate, lanes and road length are placeholders until rows are read.
+
+    `source` is the simulator; `labels` are columns that are labels of tracks, `notes` the assumptions, and `columns`
+    the names of columns in the file, by canonical name.
+    """
     return RecordingInfo(
         id=id,
         frame_rate=1.0,

@@ -71,6 +71,8 @@ def files_beside(root: Path) -> list[Path]:
 def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Recording:
     """The main road of one file; `beside` are the files of networks and of vehicle types in the same folder.
 
+    Vehicles of a type that none of these files describes get `default_length`.
+
     Raises:
         BadRecordingError: The file is damaged, lacks a column, or a row breaks the schema.
     """

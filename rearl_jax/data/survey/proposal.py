@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rearl_jax.data.checks.typed_table import MAX_LANES
+from rearl_jax.data.checks.unit_checks import ACCELERATION_P99
 from rearl_jax.data.schema import COLUMNS
 from rearl_jax.data.survey.clock import Clock, clock_of, named
 from rearl_jax.data.survey.motion import Motion, motion_of, ring_of, with_size_units
@@ -37,7 +38,7 @@ class Proposal:
     Attributes:
         taken: Columns by canonical name.
         refused: Reasons for leaving out columns that have a suitable name, by name in the file.
-        missing: Required canonical columns for which no column was found, with the reason.
+        missing: Reasons why the table cannot be read as it is, by canonical column: it was not found, or is not usable.
         doubts: Properties that the table does not determine.
         ring: Length of one lap of a ring road whose positions begin anew with every lap [m]; None for other roads.
     """
@@ -81,12 +82,12 @@ def proposal_of(sample: Sample) -> Proposal:
     motion = None if clock is None else motion_of(sample.columns, clock)
     if clock is None or (motion is None and not clock.by_name):
         looked_for = (
-            "no column identifies vehicles along whose rows another column rises by even steps, as times or frames do "
-            "(the rows of a vehicle must be in the order of time)"
+            "one column must identify the vehicle, and another one, time or frame, must rise by even steps from row to "
+            "row of a vehicle (rows in the order of time); no two columns do"
         )
         if wide := per_vehicle([column.name for column in sample.columns]):
             looked_for += f"; {', '.join(wide[:4])} look like columns of single vehicles: give each its own rows"
-        proposal.missing = {"track_id": looked_for, "time": "the same"}
+        proposal.missing = {"track_id": looked_for, "time": looked_for}
         return proposal
     _take_clock(proposal, clock)
     sizes = sizes_of(sample.columns)
@@ -97,13 +98,13 @@ def proposal_of(sample: Sample) -> Proposal:
         proposal.ring = ring_of(motion, clock)
         _take_motion(proposal, clock, motion)
     _take_sizes(proposal, sizes)
-    for canonical, check in _OTHERS.items():
+    for canonical, take_if_usable in _OTHERS.items():
         used = proposal.sources
         for column in named([column for column in sample.columns if column.name not in used], canonical):
-            fault = check(proposal, column, clock, motion)
-            if fault is None:
+            refusal = take_if_usable(proposal, column, clock, motion)
+            if refusal is None:
                 break
-            proposal.refused.setdefault(column.name, fault)
+            proposal.refused.setdefault(column.name, refusal)
     return proposal
 
 
@@ -196,21 +197,21 @@ def _take_sizes(proposal: Proposal, sizes: Sizes) -> None:
                 proposal.doubts.append(f"{position} is taken for the centre of the box; {otherwise}")
 
 
-def _acceleration(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+def _take_acceleration(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     if column.kind != "numbers":
         return "holds no numbers"
     unit = unit_in(column.name, "m/s^2")
     if unit is None and motion is not None and motion.units[1] in ("ft/s", "mph") and motion.units[0] == "ft":
         unit = "ft/s^2"
     unit = unit or "m/s^2"
-    if float(np.nanquantile(np.abs(column.values), 0.99)) * SI_FACTOR[unit] > 9.0:
-        return f"1 % of the values are above 9 m/s^2 if it is in {unit}"
+    if float(np.nanquantile(np.abs(column.values), 0.99)) * SI_FACTOR[unit] > ACCELERATION_P99:
+        return f"1 % of the values are above {ACCELERATION_P99:g} m/s^2 if it is in {unit}"
     unit = f"-{unit}" if motion is not None and motion.is_negative else unit
     proposal.take("acceleration", column, f"name; taken to be in {unit}", unit)
     return None
 
 
-def _lateral(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+def _take_lateral(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     if column.kind != "numbers":
         return "holds no numbers"
     if is_in_pixels(column.name):
@@ -222,7 +223,7 @@ def _lateral(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Moti
     return None
 
 
-def _lane(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+def _take_lane(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     numbers = column.values[np.isfinite(column.values)]
     if not column.is_whole or not numbers.size:
         return "holds no whole numbers"
@@ -234,7 +235,7 @@ def _lane(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion 
     return None
 
 
-def _vehicle_class(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+def _take_vehicle_class(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     words = column.texts.dropna().unique()
     unknown = [word for word in words if class_of(word) not in CLASSES]
     if unknown:
@@ -246,7 +247,7 @@ def _vehicle_class(proposal: Proposal, column: FoundColumn, clock: Clock, motion
     return None
 
 
-def _leader_id(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+def _take_leader_id(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     leaders, vehicles = (ids.texts.dropna().str.replace(r"\.0*$", "", regex=True) for ids in (column, clock.track))
     known = set(vehicles.unique())
     stated = leaders[~leaders.str.lower().isin(NO_LEADER) | leaders.isin(known)]
@@ -254,12 +255,12 @@ def _leader_id(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Mo
         return "names no vehicle"
     share = float(stated.isin(known).mean())
     if share < _MIN_LEADERS_PRESENT:
-        return f"{share:.0%} of its numbers are vehicles of the table"
+        return f"only {share:.0%} of its numbers are vehicles of the table"
     proposal.take("leader_id", column, f"name; {share:.0%} are vehicles of the table")
     return None
 
 
-def _direction(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+def _take_direction(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     numbers = np.unique(column.values[np.isfinite(column.values)])
     if column.kind != "numbers" or not set(numbers) <= {1.0, 2.0}:
         words = column.texts.dropna().unique()
@@ -273,7 +274,7 @@ def _direction(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Mo
     return None
 
 
-def _recording(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+def _take_recording(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     if "recording" in proposal.taken or column.name != "recording":
         return "ids and times show one recording only"
     proposal.take("recording", column, "name")
@@ -281,12 +282,12 @@ def _recording(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Mo
 
 
 _OTHERS: dict[str, Callable[[Proposal, FoundColumn, Clock, Motion | None], str | None]] = {
-    "acceleration": _acceleration,
-    "lateral": _lateral,
-    "lane": _lane,
-    "vehicle_class": _vehicle_class,
-    "leader_id": _leader_id,
-    "direction": _direction,
-    "recording": _recording,
+    "acceleration": _take_acceleration,
+    "lateral": _take_lateral,
+    "lane": _take_lane,
+    "vehicle_class": _take_vehicle_class,
+    "leader_id": _take_leader_id,
+    "direction": _take_direction,
+    "recording": _take_recording,
 }
-"""Checks of columns with the name of a canonical one; each adds the column to the proposal, or returns a fault."""
+"""Functions that take a column with the name of a canonical one if its values are usable; else they return why not."""

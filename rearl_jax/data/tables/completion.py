@@ -30,7 +30,7 @@ def completed(
     """The rows in SI units with every required column, notes on the changes, and labels of tracks that were added.
 
     Times whose unit is not stated stay as they are. The given rows are already under canonical names; their index holds
-    the row numbers of the source.
+    the row numbers of the source. Of the keys of data, `default_length` and `ring` are used.
 
     Raises:
         BadRecordingError: A column is missing that does not follow from others, or an id or a time cannot be read.

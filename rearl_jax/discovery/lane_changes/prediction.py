@@ -112,7 +112,8 @@ def prediction(
     """Predictions for the third part of the drivers; None if the fitted or the held-out drivers have too few changes.
 
     `part` is the part of each opportunity's driver, 0 to 2; drivers of parts 0 and 1 are fitted. `hazard` is the
-    probability of a change under the calibrated hazard [-], `confidence` that of the intervals of MOBIL's parameters.
+    probability of a change under the calibrated hazard [-], `confidence` that of the intervals of MOBIL's parameters;
+    `n_recorded` and `n_ramp` are as in `Prediction`.
     """
     fitted, held_out = table.take(part < 2), table.take(part == 2)
     if min(fitted.changes.sum(), held_out.changes.sum()) < LEAST_IN_PART:

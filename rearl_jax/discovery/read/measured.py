@@ -199,7 +199,7 @@ class Measured:
         return self.select(np.flatnonzero(is_kept[self.driver]))
 
     def sample(self, most: int, seed: int, group: Int[np.ndarray, " drivers"] | None = None) -> "Measured":
-        """A random sample of at most `most` drivers of each group; None if all are of one group."""
+        """A random sample of at most `most` drivers of each group; without groups, of all drivers."""
         group = np.zeros(self.n_drivers, int) if group is None else group
         rng, is_kept = np.random.default_rng(seed), np.zeros(self.n_drivers, bool)
         for number in np.unique(group):

@@ -120,9 +120,10 @@ def with_predictive_effects(
     null_for: NullFor,
     report: Report,
 ) -> Search:
-    """The search with only those additions that predict other drivers better; `outcome` itself if all of them do. The
-    first of some trials, the best first, that predicts them better than the model it was added to is that of
-    `most_predictive`; None if none does.
+    """The search with only those additions that predict other drivers better; `outcome` itself if all of them do.
+
+    `most_predictive` gets a model and trials that were added to it, the best first; it returns the first trial that
+    predicts other drivers better than the model, None if none does.
 
     An addition that does not is replaced by the next best trial of its round, and the rounds after it are repeated
     without its candidate.

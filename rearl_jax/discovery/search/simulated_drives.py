@@ -215,8 +215,8 @@ def noise_alone(
     varied: Callable[[np.random.Generator], Float[np.ndarray, "steps pieces"] | None] = lambda _: None,
 ) -> Iterator[list[FitState]]:
     """Data sets of simulated drives of a calibrated state without missing effects, with the noise as fitted, calibrated
-    again in batches. `varied` draws the logarithm of each driver's time gap over its mean one; by default the time gap
-    is constant.
+    again in batches; `replicates` is their number. `varied` draws the logarithm of each driver's time gap over its mean
+    one; by default the time gap is constant.
     """
     group = max(1, AT_ONCE // max(1, len(state.data.driver)))
     noise = matched_noise(solver, state, noise, np.random.default_rng([seed, replicates]))

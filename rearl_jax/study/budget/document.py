@@ -38,7 +38,7 @@ CAPTIONS = {
 
 
 def document_of(table: pd.DataFrame, steps: pd.DataFrame, remarks: Remarks, *, generated: bool) -> Document:
-    """The document of the tables in budget.parquet and steps.parquet; `generated` if any of the data were."""
+    """The document of budget.parquet and steps.parquet; `generated` is true if any of the data were generated."""
     verdict, *findings = remarks.notes
     sections = (
         Section("Rows in the stated order", tables=(_rows(steps),)),

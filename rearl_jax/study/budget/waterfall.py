@@ -14,7 +14,7 @@ _HALF_BAR = 0.36
 
 
 def draw_waterfall(table: pd.DataFrame, mape: str, *, generated: bool) -> bytes:
-    """PNG of the shares of the main errors in budget.parquet; `mape` is the spacing error that decides."""
+    """PNG of shares of the main errors in budget.parquet; `mape` is the deciding spacing error, `MapeConfig.column`."""
     errors = [name.format(mape=mape) for name in MAIN_ERRORS]
     drawn = [error for error in errors if error in set(table["error"])] or list(dict.fromkeys(table["error"]))[:1]
     shares = table[table["part"].isin(list(TITLES))]

@@ -66,7 +66,9 @@ def _difference(differences: pd.DataFrame, first: str, second: str) -> Mapping[s
 def document_of(
     table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFrame, remarks: Remarks, *, generated: bool
 ) -> Document:
-    """The document of real.parquet, facts.parquet and differences.parquet; `generated` if any of the data were."""
+    """The document of real.parquet, facts.parquet and differences.parquet; `generated` is true if any of the data were
+    generated.
+    """
     summary = summary_of(table, facts, differences)
     groups = pd.DataFrame(table).assign(name=table["title"] + ", " + table["group"])
     sections = (
