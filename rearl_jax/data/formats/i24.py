@@ -85,8 +85,10 @@ def cells(path: Path, policy: DataConfig) -> dict[str, Cell]:
         raise bad_recording("no-rows", "the file has no sound document", "remove the file or copy it again", path)
     cell_of = {_name(cell, path, policy): cell for cell in sorted(index.cells)}
     if len(cell_of) < len(index.cells):
-        message = "must be at least 17 m, and data.window at least 1 s, so that every recording has a name of its own"
-        raise out_of_range("data.section", message, policy.section)
+        is_window = policy.window is not None and policy.window < 1.0
+        key, least, value = ("window", "1 s", policy.window) if is_window else ("section", "17 m", policy.section)
+        message = f"must be at least {least}, so that every recording has a name of its own"
+        raise out_of_range(f"data.{key}", message, value)
     return cell_of
 
 

@@ -70,7 +70,7 @@ def load_scenes(path: str | Path) -> SceneSet:
             "settings": dict(meta["settings"]),
         }
         shape = n_scenes, n_frames, n_slots = tuple(map(int, meta["shape"]))
-    except (KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         message = f"the description of the scenes is incomplete or wrong: {type(error).__name__}: {error}"
         raise InvalidInputError(Problem("metadata-unusable", message, _WRITE, file=str(path))) from error
     table = pd.read_parquet(path)

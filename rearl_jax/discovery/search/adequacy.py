@@ -20,7 +20,7 @@ from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.forcing import acceleration_derivatives, wanted_acceleration
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import far_from_changes, relative_variance
-from rearl_jax.discovery.observe.residuals import Residuals, autocovariances, residuals_of
+from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.outcome import Search
@@ -185,7 +185,9 @@ def neighbour_autocorrelation(residuals: Residuals) -> float:
     """Autocorrelation of standardised innovations from one independent measurement to the next [-]."""
     data, lag = residuals.state.data, residuals.state.data.stride
     innovation = standardised(residuals.innovation, data, residuals.noise)
-    return float(autocovariances(innovation, far_from_changes(data, data.weight), [lag])[0])
+    weight = far_from_changes(data, data.weight)
+    pair = weight[lag:] * weight[:-lag]
+    return float((innovation[lag:] * innovation[:-lag] * pair).sum() / pair.sum())  # NaN without a pair: not white
 
 
 def kurtosis(innovation: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"]) -> float:
