@@ -1,6 +1,5 @@
 """Initial states: common random numbers, measured states, and the size of a batch that must not matter."""
 
-import functools
 from dataclasses import replace
 
 import jax
@@ -11,10 +10,8 @@ import pytest
 from rearl_jax.config.core import InitConfig, InitialSource, InitialSpeed
 from rearl_jax.config.driver import record_of
 from rearl_jax.config.evaluation import EvaluationConfig, SeedScope
-from rearl_jax.core.batch import ScenarioMap
 from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
 from rearl_jax.core.model import traffic_model
-from rearl_jax.evaluation import scoring
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.runner import evaluate
@@ -174,21 +171,8 @@ def test_measured_snapshots_that_do_not_fit_the_road_stop(scenes, small):
         Rollouts([Row(measured)], blind, HELD_OUT)
 
 
-@pytest.fixture
-def optimised_scores(monkeypatch):
-    """Scores by a program as users have it: one that is not optimised may round differently where a batch ends."""
-    options = {"xla_backend_optimization_level": 3, "xla_cpu_use_fusion_emitters": True}
-
-    @functools.cache
-    def program(config, per_device):
-        score = functools.partial(scoring.score, config=config)
-        return ScenarioMap(score, chunk=per_device, options=options)
-
-    monkeypatch.setattr(scoring, "_program", program)
-
-
 @pytest.mark.thorough
-@pytest.mark.usefixtures("drifting", "optimised_scores")
+@pytest.mark.usefixtures("drifting")
 def test_batches_of_any_width_score_alike(scenes, small):
     tables = []
     for width in (5, 512):
