@@ -29,7 +29,7 @@ def make_table(speed, spacing, action, hist=None) -> ReferenceTable:
         spacing=jnp.asarray(spacing),
         mean_spacing=jnp.asarray(spacing.mean(axis=-1)),
         action=jnp.asarray(action),
-        share=jnp.asarray(np.full(len(spacing), 1 / len(spacing))),
+        share=jnp.full(len(spacing), 1 / len(spacing)),
     )
     return TABULATE(references, HistConfig() if hist is None else hist)
 
@@ -85,7 +85,7 @@ def make_situation(second, **given) -> Situation:
 
 def make_thresholds(n_scenarios, hellinger=0.33, mape=0.2) -> Thresholds:
     """Equal thresholds of all scenarios."""
-    return Thresholds(*(jnp.asarray(np.full(n_scenarios, value)) for value in (hellinger, mape)))
+    return Thresholds(jnp.full(n_scenarios, hellinger), jnp.full(n_scenarios, mape))
 
 
 @functools.cache
