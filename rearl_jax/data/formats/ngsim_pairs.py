@@ -40,6 +40,14 @@ _OF_LEADER = "y_l_m v_l_mps a_l_mps2 leader_length_m leader_width_m class_l".spl
 LATERAL_COLUMNS = (*_OF_BOTH, *_OF_FOLLOWER, *_OF_LEADER)
 """Columns by which a file is recognised, all of numbers."""
 _WANTED = "the folder with the one file of leader-follower pairs, columns "
+_I80 = partial(
+    RecordingInfo,
+    frame_rate=FRAME_RATE,
+    lane_count={1: LANES["i80"]},
+    road_length=0.0,
+    licence=LICENCE,
+    attribution=ATTRIBUTION,
+)
 find_pairs = partial(only_parquet, wanted=_WANTED + ", ".join(COLUMNS))
 """The Parquet file of pairs in the folder; MissingInputError if there is none, or more than one."""
 find_lateral = partial(only_parquet, wanted=_WANTED + ", ".join(LATERAL_COLUMNS))
@@ -89,14 +97,9 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     has no length in the source and gets data.default_length; the bumper-to-bumper gap does not depend on it.
     """
     pairs = read_columns(path, _NUMBERS, only=("run", run))
-    info = RecordingInfo(
+    info = _I80(
         id=recording,
-        frame_rate=FRAME_RATE,
-        lane_count={1: LANES["i80"]},
-        road_length=0.0,
         source="NGSIM I-80, leader-follower pairs, reconstructed",
-        licence=LICENCE,
-        attribution=ATTRIBUTION,
         notes=(
             "members of leader-follower pairs only, congested traffic: not every vehicle of a lane",
             "no lateral position: y is 0 for all; lane known for a third of the pairs",
@@ -123,14 +126,9 @@ def read_lateral(path: Path, recording: str, part: None, policy: DataConfig) -> 
     The source states the position y of the front, so the centre is at y - length / 2.
     """
     rows = read_columns(path, LATERAL_COLUMNS)
-    info = RecordingInfo(
+    info = _I80(
         id=recording,
-        frame_rate=FRAME_RATE,
-        lane_count={1: LANES["i80"]},
-        road_length=0.0,
         source="NGSIM I-80, leader-follower pairs with lateral positions",
-        licence=LICENCE,
-        attribution=ATTRIBUTION,
         notes=(
             "members of leader-follower pairs only, chosen for following in one lane for long: not every vehicle of a "
             "lane, no lane changes",
