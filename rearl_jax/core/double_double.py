@@ -3,9 +3,9 @@
 Every steering command of the lateral controller passes through both functions, and below 0.1 m/s the controller
 amplifies one unit in the last place to 1e-9 m within a minute. XLA's arcsine is wrong in the last place for a quarter
 of all arguments and its vectorised arctangent for almost half of them; the C library, which highway-env calls, for two
-in a thousand. Therefore both functions are computed here in double-double arithmetic: a number is the unevaluated sum
-of two float64, the second of which holds the rounding error of the first. That gives about 106 bits, rounded to 53 once
-at the end.
+in a thousand. Therefore XLA's angle is corrected here: its sine is computed in double-double arithmetic and compared
+with the argument. A number in this arithmetic is the unevaluated sum of two float64, the second of which holds the
+rounding error of the first. That gives about 106 bits, rounded to 53 once at the end.
 
 The error terms below are exact only if every operation is rounded separately. XLA may contract a product and a sum into
 a fused multiply-add, or cancel a constant that is added and taken away again; `rounded` and optimisation barriers
@@ -18,23 +18,20 @@ import itertools
 from fractions import Fraction
 
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
 _DoubleDouble = tuple[Array, Array]
 """Leading part of a number and the rest, both float64."""
 
-ARCSINE_SERIES = [
-    *itertools.accumulate((Fraction((2 * k + 1) ** 2, (2 * k + 2) * (2 * k + 3)) for k in range(50)), Fraction.__mul__)
-]
-"""Taylor coefficients of (arcsin(v) / v - 1) / v^2 in powers of v^2; 50 are enough for v^2 <= 1/2."""
+_SINE_SERIES = [*itertools.accumulate((Fraction(-1, (2 * k + 2) * (2 * k + 3)) for k in range(13)), Fraction.__mul__)]
+"""Taylor coefficients of (sin(a) / a - 1) / a^2 in powers of a^2; 13 are enough up to `ARCTANGENT_RANGE`."""
 
-_N_EXACT = 12
+_N_EXACT = 5
 """Leading terms of the series summed as double-double; rounding errors of the others are too small to matter."""
 
-_HALF_PI = (np.pi / 2, 6.123233995736766e-17)
-"""pi / 2 as double-double."""
+ARCTANGENT_RANGE = 3.0
+"""Largest argument of `arctangent`; the cosine of larger angles would be too inexact."""
 
 
 def rounded(product: Float[Array, "*n"]) -> Float[Array, "*n"]:
@@ -48,46 +45,38 @@ def rounded(product: Float[Array, "*n"]) -> Float[Array, "*n"]:
 
 def arcsine(value: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Arcsine [rad] of values of at most sin 45 degrees."""
-    return _round(_arcsine((value, jnp.zeros_like(value))))
+    return _with_sine(jnp.arcsin(value), (value, jnp.zeros_like(value)))
 
 
 def arctangent(value: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Arctangent [rad] of finite values: arcsin(t / sqrt(1 + t^2)) of t = |v| or, beyond 1, of its inverse."""
-    size, unit = jnp.abs(value), jnp.ones_like(value)
-    is_steep = size > 1
-    inverse = _divide((unit, 0 * unit), (jnp.where(is_steep, size, 1.0), 0 * unit))
-    tangent = jnp.where(is_steep, inverse[0], size), jnp.where(is_steep, inverse[1], 0.0)
-    high, low = _times(tangent, tangent)
-    cosine = _square_root(_add(lax.optimization_barrier(unit), (high, low)))
-    angle = _arcsine(_divide(tangent, cosine))
-    complement = _add(lax.optimization_barrier(_HALF_PI[0] * unit), (-angle[0], _HALF_PI[1] - angle[1]))
-    angle = _round((jnp.where(is_steep, complement[0], angle[0]), jnp.where(is_steep, complement[1], angle[1])))
-    return jnp.where(value < 0, -angle, angle)
+    """Arctangent [rad] of values of at most `ARCTANGENT_RANGE`: the arcsine of v / sqrt(1 + v^2)."""
+    unit = jnp.ones_like(value)
+    cosine = _square_root(_add(lax.optimization_barrier(unit), _product(value, value)))
+    return _with_sine(jnp.arctan(value), _divide((value, 0 * unit), cosine))
 
 
-def _arcsine(value: _DoubleDouble) -> _DoubleDouble:
-    """Arcsine by Taylor series: v + v^3 (1/6 + v^2 (3/40 + ...))."""
-    square = _times(value, value)
-    rest = jnp.full_like(value[0], float(ARCSINE_SERIES[-1]))
-    for coefficient in reversed(ARCSINE_SERIES[_N_EXACT:-1]):
+def _with_sine(near: Array, sine: _DoubleDouble) -> Array:
+    """The angle [rad] of a sine, from an angle next to it: one Newton step.
+
+    The step is smaller than two units in the last place: as good as a constant for derivatives.
+    """
+    square = _product(near, near)
+    rest = jnp.full_like(near, float(_SINE_SERIES[-1]))
+    for coefficient in reversed(_SINE_SERIES[_N_EXACT:-1]):
         rest = rest * square[0] + float(coefficient)
     factor = rest, jnp.zeros_like(rest)
-    for coefficient in reversed(ARCSINE_SERIES[:_N_EXACT]):
+    for coefficient in reversed(_SINE_SERIES[:_N_EXACT]):
         high, low = _times(square, factor)
         # With a barrier, because XLA would cancel a constant that is added and subtracted again.
         leading = lax.optimization_barrier(jnp.full_like(high, float(coefficient)))
         factor = _add(leading, (high, low + float(coefficient - Fraction(float(coefficient)))))
-    high, low = _times(_times(square, value), factor)
-    return _add(value[0], (high, low + value[1]))
-
-
-def _round(value: _DoubleDouble) -> Array:
-    """The nearest float64."""
-    return value[0] + value[1]
+    high, low = _times(_times(square, (near, jnp.zeros_like(near))), factor)
+    missing = ((sine[0] - near) - high) + (sine[1] - low)
+    return near + lax.stop_gradient(missing / jnp.cos(near))
 
 
 def _add(large: Array, small: _DoubleDouble) -> _DoubleDouble:
-    """Sum of a float64 and a double-double of smaller size, by Dekker's fast two-sum."""
+    """Sum of a float64 and a double-double, by Dekker's fast two-sum: the first is the larger one, or a power of two."""
     total = large + small[0]
     return total, (small[0] - (total - large)) + small[1]
 

@@ -7,14 +7,15 @@ highway-env matters more than speed, so JAX's functions are used where they are 
 double-double arithmetic (`rearl_jax.core.double_double`) otherwise.
 """
 
+import itertools
 from collections.abc import Callable
+from fractions import Fraction
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from rearl_jax.core import double_double
-from rearl_jax.core.double_double import ARCSINE_SERIES
 
 HALF_PI_HIGH = float(np.float32(np.pi / 2))
 HALF_PI_LOW = np.pi / 2 - HALF_PI_HIGH
@@ -37,10 +38,15 @@ _SINE_OVER_ARGUMENT = _power_series(lambda s: np.sinc(np.sqrt(s) / np.pi), (np.p
 _COSINE = _power_series(lambda s: np.cos(np.sqrt(s)), (np.pi / 4) ** 2 * 1.01, 5)
 
 
-# (arcsin(v) / v - 1) / v^2: the relative difference of the arcsine from its argument v, divided by v^2.
+_ARCSINE_SERIES = [
+    *itertools.accumulate((Fraction((2 * k + 1) ** 2, (2 * k + 2) * (2 * k + 3)) for k in range(50)), Fraction.__mul__)
+]
+"""Taylor coefficients of (arcsin(v) / v - 1) / v^2 in powers of v^2; 50 are enough up to `ARCSINE_RANGE`."""
+
 _ARCSINE_EXCESS = _power_series(
-    lambda s: np.polynomial.polynomial.polyval(s, [float(c) for c in ARCSINE_SERIES]), ARCSINE_RANGE**2, 8
+    lambda s: np.polynomial.polynomial.polyval(s, [float(c) for c in _ARCSINE_SERIES]), ARCSINE_RANGE**2, 8
 )
+"""The relative difference of the arcsine from its argument v, divided by v^2."""
 
 
 def _polynomial(coefficients: list[float], square: Float[Array, "*n"]) -> Float[Array, "*n"]:
