@@ -51,6 +51,17 @@ def chunk_for(n_vehicles: int) -> int:
     return _CACHE_LINE * min(max(n_lines, 1), 255)
 
 
+SMALL_WIDTHS = 16, 64
+"""Numbers of scenarios per core that smaller numbers are filled up to. A program is compiled for one number of scenarios,
+which takes up to half a minute, and so few scenarios take about the same time whatever their number.
+"""
+
+
+def shared_width(n_scenarios: int) -> int:
+    """Scenarios per core and pass that leave a small number of scenarios a program in common with others."""
+    return next((width for width in SMALL_WIDTHS if n_scenarios <= width), n_scenarios)
+
+
 @dataclass(frozen=True, eq=False)
 class Placed:
     """An argument of a `ScenarioMap` that is on the devices already, cut into chunks.
@@ -141,7 +152,7 @@ class ScenarioMap(Generic[Arguments, Result]):
     def width(self, n_scenarios: int) -> int:
         """Scenarios per chunk, on all devices together."""
         n_devices = len(self._devices)
-        return n_devices * min(self._chunk, math.ceil(n_scenarios / n_devices))
+        return n_devices * min(self._chunk, shared_width(math.ceil(n_scenarios / n_devices)))
 
     def place(self, arguments: Sequence[np.ndarray]) -> list[Placed]:
         """Arrays with one entry per scenario, copied to the devices for several calls."""
