@@ -52,8 +52,8 @@ def chunk_for(n_vehicles: int) -> int:
 
 
 SMALL_WIDTHS = 16, 64
-"""Numbers of scenarios per core that smaller numbers are filled up to. A program is compiled for one number of scenarios,
-which takes up to half a minute, and so few scenarios take about the same time whatever their number.
+"""Numbers of scenarios per core that smaller numbers are filled up to. A program is compiled for one number of
+scenarios, which takes up to half a minute, and so few scenarios take about the same time whatever their number.
 """
 
 

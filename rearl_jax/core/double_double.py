@@ -76,7 +76,7 @@ def _with_sine(near: Array, sine: _DoubleDouble) -> Array:
 
 
 def _add(large: Array, small: _DoubleDouble) -> _DoubleDouble:
-    """Sum of a float64 and a double-double, by Dekker's fast two-sum: the first is the larger one, or a power of two."""
+    """Sum of a float64 and a double-double, by Dekker's fast two-sum. The first is the larger one, or 1."""
     total = large + small[0]
     return total, (small[0] - (total - large)) + small[1]
 

@@ -42,12 +42,12 @@ def bin_counts(
         drop: Leave out values outside the edges, instead of counting them in the outer bins.
         valid: Mask of the values that count; None for all.
     """
-    first = values >= (edges[0] if drop else -jnp.inf)
-    beyond = (values > edges[-1]) if drop else jnp.zeros(values.shape, bool)
-    marks = [first, *(values >= edge for edge in edges[1:-1]), beyond]
-    counted = [mark if valid is None else mark & valid for mark in marks]
-    at_least = jnp.stack([unrolled_sum(mark.astype(jnp.int32), 0) for mark in counted])
-    return at_least[:-1] - at_least[1:]
+    lower = jnp.asarray([edges[0] if drop else -jnp.inf, *edges[1:-1]], values.dtype)
+    at_least = values[:, None] >= lower.reshape(1, -1, *(1,) * (values.ndim - 1))
+    beyond = values[:, None] > (edges[-1] if drop else jnp.inf)
+    marks = [mark if valid is None else mark & valid[:, None] for mark in (at_least, beyond)]
+    counts = jnp.concatenate([unrolled_sum(mark.astype(jnp.int32), 0) for mark in marks])
+    return counts[:-1] - counts[1:]
 
 
 def cumulative_counts(
