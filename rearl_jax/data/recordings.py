@@ -27,7 +27,7 @@ __all__ = [
     "label_of_same",
 ]
 
-_ONLY_WITH = {key: "table" for key in (*TABLE_KEYS, "ring")} | {"stretch": "pneuma"}
+_ONLY_WITH = {key: "table" for key in (*TABLE_KEYS, "ring")} | {"stretch": "pneuma", "window": "i24", "section": "i24"}
 """The data format with which a key has an effect."""
 
 
@@ -121,8 +121,9 @@ def _selected(data: DataConfig) -> list[Entry]:
     if isinstance(data, TableInMemory):
         entries = list(in_memory.entries(data))
     else:
+        defaults = DataConfig()
         for key, name in _ONLY_WITH.items():
-            if getattr(data, key) and data.format.name != name:
+            if getattr(data, key) != getattr(defaults, key) and data.format.name != name:
                 message = f"has an effect with data={name} alone: choose that, or leave the key out"
                 problem = Problem("key-without-effect", message, key=f"data.{key}", value=f"data={data.format.name}")
                 raise InvalidInputError(problem)

@@ -132,7 +132,14 @@ def test_values_out_of_range_are_refused(change, code, key):
 
 
 @pytest.mark.parametrize(
-    "key", [{"columns": {"x": "y"}}, {"ring": 230.0}, {"stretch": (37.9, 23.7, 37.9, 23.8, 9.0, 3.0)}]
+    "key",
+    [
+        {"columns": {"x": "y"}},
+        {"ring": 230.0},
+        {"stretch": (37.9, 23.7, 37.9, 23.8, 9.0, 3.0)},
+        {"window": 60.0},
+        {"section": None},
+    ],
 )
 def test_keys_of_other_formats_are_refused(key):
     with refused("key-without-effect", key=f"data.{next(iter(key))}"):
