@@ -160,7 +160,7 @@ def test_a_training_survives_being_killed(tmp_path):
     folder = tmp_path / "one" / "train_ppo"
     subprocess.run([*command, f"results.root={tmp_path / 'two'}"], check=True, capture_output=True)
     n_kills = 0
-    while n_kills < 3:
+    while n_kills < 2:
         process = subprocess.Popen([*command, f"results.root={tmp_path / 'one'}"], stderr=subprocess.DEVNULL)
         before = (folder / "checkpoint.eqx").stat().st_mtime_ns if (folder / "checkpoint.eqx").exists() else 0
         while process.poll() is None and not (

@@ -22,10 +22,10 @@ sys.exit(main())
 
 
 def killed_and_finished(command, seed, last):
-    """Kills the command ten times, each time a little later, then lets it finish; how often it was killed."""
+    """Kills the command five times, each time a little later, then lets it finish; how often it was killed."""
     rng = random.Random(seed)
     patience, kills = 3.0, 0
-    while kills < 10:
+    while kills < 5:
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         time.sleep(rng.uniform(0, patience))
         if process.poll() is not None:

@@ -92,7 +92,7 @@ def test_what_is_found_is_written(calibrated_by, model, tmp_path):
 
 @pytest.mark.thorough
 def test_what_is_found_drives_traffic(model):
-    road = TrafficModel(speed_limit=None, collisions=False)
+    road = TrafficModel(speed_limit=None, lane_changes=False, collisions=False)
     population = population_of_model(model, np.dtype("float64"), with_effects=False)
     keys = jax.vmap(jax.random.key)(jnp.arange(4))
 
