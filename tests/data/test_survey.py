@@ -239,6 +239,7 @@ def test_what_is_missing_is_said(tmp_path, capsys):
     rows.drop(columns=["track_id", "leader_id"]).to_csv(tmp_path / "a.csv", index=False)
     with refused("column-missing", column="track_id"):
         run(str(tmp_path / "a.csv"))
+    assert "missing: track_id and time:" in capsys.readouterr().out
     both = pd.concat([rows, rows.assign(track_id=rows["track_id"] + 9, position=500.0 - rows["position"])])
     both.to_csv(tmp_path / "a.csv", index=False)
     with refused("column-missing", column="position"):

@@ -1,6 +1,7 @@
 """Text of a survey on standard output, and the command that reads recordings, quoted for a shell."""
 
 import shlex
+from collections import defaultdict
 from collections.abc import Mapping
 
 from rich.markup import escape
@@ -40,7 +41,10 @@ def print_sample(sample: Sample, proposal: Proposal) -> None:
     for name in sample.twice:
         table.add_row(escape(shown(name)), "-", "", "the name occurs twice, so no key can name it")
     console.print(table)
-    missing = [f"missing: {name}: {shown(why)}" for name, why in proposal.missing.items()]
+    names = defaultdict(list)
+    for name, why in proposal.missing.items():
+        names[why].append(name)
+    missing = [f"missing: {' and '.join(same)}: {shown(why)}" for why, same in names.items()]
     print_notes(console, [*missing, *(f"not certain: {shown(doubt)}" for doubt in proposal.doubts)])
 
 
