@@ -54,12 +54,13 @@ def test_sixty_plans_have_the_totals_of_highd(seed):
 def totals(root):
     """Figures of a folder of recordings, from their meta files: what is published of highD."""
     frames = 25 * 60 * np.arange(30)[:, None] + 1 + 25 * np.arange(60)  # snapshots of the first 30 minutes
-    vehicles, seconds, scenes = [], [], 0
+    vehicles, seconds, scenes, in_view_first = [], [], 0, 0
     for path in sorted(root.glob("*_tracksMeta.csv")):
         vehicles.append(pd.read_csv(path))
         info = pd.read_csv(path.with_name(path.name.replace("tracksMeta", "recordingMeta"))).iloc[0]
         seconds.append(float(info["duration"]))
         entered, left = (vehicles[-1][name].to_numpy()[:, None, None] for name in ("initialFrame", "finalFrame"))
+        in_view_first += int((entered == frames[0, 0]).sum())
         snapshots = frames[: int(seconds[-1] // 60)]
         scenes += int((((entered <= snapshots) & (left >= snapshots)).sum(axis=0).min(axis=1) >= 10).sum())
     whole = pd.concat(vehicles)
@@ -67,7 +68,9 @@ def totals(root):
     in_view = [part["numFrames"].sum() / 25 / duration for part, duration in zip(vehicles, seconds, strict=True)]
     return {
         "n_vehicles": [len(part) for part in vehicles],
+        "n_entered": sum(map(len, vehicles)) - in_view_first,
         "hours": sum(seconds) / 3600.0,
+        "whole_minutes": sum(int(duration // 60) for duration in seconds),
         "in_view_mean": float(np.mean(in_view)),
         "in_view_max": max(in_view),
         "truck_share_mean": float(np.mean([(part["class"] == "Truck").mean() for part in vehicles])),
@@ -94,16 +97,19 @@ def test_a_small_sample_is_near_the_plan(tmp_path):
 
 
 @pytest.mark.slow
-def test_sixty_recordings_have_the_totals_of_highd(tmp_path):
-    generate(GeneratorConfig(), tmp_path)
+def test_sixty_short_recordings_have_the_rates_of_highd(tmp_path):
+    """A fifth of each recording. What is published are the totals of 60 recordings of 16.5 hours."""
+    generate(GeneratorConfig(duration_scale=0.2), tmp_path)
     figures = totals(tmp_path)
+    hours = figures["hours"]
     assert len(figures["n_vehicles"]) == 60
-    assert figures["hours"] == pytest.approx(16.5, rel=0.02)
-    assert sum(figures["n_vehicles"]) == pytest.approx(110_516, rel=0.02)
+    assert hours == pytest.approx(0.2 * 16.5, rel=0.02)
+    assert figures["n_entered"] / hours == pytest.approx((110_516 - 60 * 24.6) / 16.5, rel=0.02)
     assert figures["in_view_mean"] == pytest.approx(24.6, rel=0.04)
     assert figures["in_view_max"] < 50.0
     assert figures["truck_share_mean"] == pytest.approx(0.19, abs=0.01)
     assert figures["car_speed"] == pytest.approx(33.0, abs=1.0)
     assert figures["truck_speed"] == pytest.approx(24.0, abs=0.7)
-    assert figures["lane_changes"] == pytest.approx(5600, rel=0.1)
-    assert 700 <= figures["n_scenes"] <= 820
+    assert figures["lane_changes"] / hours == pytest.approx(5600 / 16.5, rel=0.1)
+    # 760 scenes in the 960 whole minutes of the 60 recordings.
+    assert figures["n_scenes"] / figures["whole_minutes"] == pytest.approx(760 / 960, rel=0.08)
