@@ -116,6 +116,21 @@ def test_map_compiles_once():
     assert set(traced) == {(4,)}
 
 
+def test_small_numbers_of_scenarios_share_a_program():
+    traced = []
+
+    def function(x):
+        traced.append(x.shape)
+        return x + 1
+
+    mapped = ScenarioMap(function, chunk=1000)
+    for n in (2, 10, 16, 17, 64):
+        np.testing.assert_array_equal(mapped(np.arange(n * 1.0)), np.arange(n) + 1.0)
+    assert set(traced) == {(16,), (64,)}
+    mapped(np.arange(65.0))
+    assert traced[-1] == (65,)  # larger ones are worth a program of their own
+
+
 DEVICES = """
 import numpy as np
 import jax
