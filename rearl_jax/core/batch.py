@@ -57,9 +57,10 @@ scenarios, which takes up to half a minute, and so few scenarios take about the 
 """
 
 
-def shared_width(n_scenarios: int) -> int:
-    """Scenarios per core and pass that leave a small number of scenarios a program in common with others."""
-    return next((width for width in SMALL_WIDTHS if n_scenarios <= width), n_scenarios)
+def width_per_device(n_scenarios: int, chunk: int) -> int:
+    """Scenarios that a device takes at a time: its part, filled up to one of `SMALL_WIDTHS`, at most `chunk`."""
+    part = math.ceil(n_scenarios / len(jax.local_devices()))
+    return min(chunk, next((width for width in SMALL_WIDTHS if part <= width), part))
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,8 +152,7 @@ class ScenarioMap(Generic[Arguments, Result]):
 
     def width(self, n_scenarios: int) -> int:
         """Scenarios per chunk, on all devices together."""
-        n_devices = len(self._devices)
-        return n_devices * min(self._chunk, shared_width(math.ceil(n_scenarios / n_devices)))
+        return len(self._devices) * width_per_device(n_scenarios, self._chunk)
 
     def place(self, arguments: Sequence[np.ndarray]) -> list[Placed]:
         """Arrays with one entry per scenario, copied to the devices for several calls."""

@@ -1,6 +1,5 @@
 """All rows of the table: simulated traffic scored chunk by chunk, and the reference rows."""
 
-import math
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -14,7 +13,7 @@ from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.config.metrics import HistConfig, MetricsConfig
-from rearl_jax.core.batch import join_scenarios, shared_width
+from rearl_jax.core.batch import join_scenarios, width_per_device
 from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scenes.boundary import SceneBoundary
 from rearl_jax.data.scenes.scene_set import SceneSet
@@ -239,7 +238,7 @@ def scored_rollouts(
 
 def make_scorer(config: EvaluateTask, scenes: SceneSet, n_pairs: int) -> Scorer:
     """Scorer of the configured metrics for a number of pairs of a rollout and a scene."""
-    per_device = min(config.core.chunk, shared_width(math.ceil(n_pairs / len(jax.local_devices()))))
+    per_device = width_per_device(n_pairs, config.core.chunk)
     metrics = MetricsConfig(config.hist, config.thw, config.safety, config.realism, config.spacing)
     return Scorer(scenes, metrics, per_device=per_device, dtype=np.dtype(config.core.dtype.name))
 

@@ -1,25 +1,8 @@
 """Small data sets, simulated once."""
 
-import json
-import subprocess
-import sys
 from functools import cache
 
 import pytest
-
-
-@pytest.fixture(scope="session")
-def run_blind():
-    """Runs a blind study with the real discovery, as a user does, and gives back its summary."""
-
-    def run(root, name, *keys):
-        words = ["discover", "blind", *keys, f"study={name}", f"results.root={root}"]
-        command = [sys.executable, "-m", "rearl_jax", *words]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=1800)
-        assert done.returncode == 0, done.stderr[-3000:]
-        return json.loads((root / name / "summary.json").read_text(encoding="utf-8"))
-
-    return run
 
 
 @pytest.fixture(scope="session")

@@ -101,14 +101,19 @@ def test_map_takes_random_keys():
     np.testing.assert_allclose(drawn, jax.vmap(jax.random.uniform)(keys), rtol=1e-6)
 
 
-def test_map_compiles_once():
+def traced_map(chunk):
+    """A map that adds one, and the shapes that it was traced for."""
     traced = []
 
     def function(x):
         traced.append(x.shape)
         return x + 1
 
-    mapped = ScenarioMap(function, chunk=4)
+    return ScenarioMap(function, chunk=chunk), traced
+
+
+def test_map_compiles_once():
+    mapped, traced = traced_map(4)
     mapped(np.arange(9.0))
     first = len(traced)
     mapped(np.arange(12.0))
@@ -117,13 +122,7 @@ def test_map_compiles_once():
 
 
 def test_small_numbers_of_scenarios_share_a_program():
-    traced = []
-
-    def function(x):
-        traced.append(x.shape)
-        return x + 1
-
-    mapped = ScenarioMap(function, chunk=1000)
+    mapped, traced = traced_map(1000)
     for n in (2, 10, 16, 17, 64):
         np.testing.assert_array_equal(mapped(np.arange(n * 1.0)), np.arange(n) + 1.0)
     assert set(traced) == {(16,), (64,)}
