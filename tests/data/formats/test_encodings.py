@@ -1,6 +1,7 @@
 """Copies of text files in UTF-16 and UTF-32, as spreadsheets and shells write them, say the same as those in UTF-8."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -74,8 +75,10 @@ WRITERS: list[tuple[str, Callable[[Path], Path]]] = [
 
 
 def _config(name: str, folder: Path, on_bad: BadRows = BadRows.stop) -> DataConfig:
-    stretch = sensor_layouts.pneuma_stretch() if name == "pneuma" else None
-    return DataConfig(DataFormat[name], str(folder), on_bad=on_bad, stretch=stretch, window=None, section=None)
+    config = DataConfig(DataFormat[name], str(folder), on_bad=on_bad)
+    if name == "pneuma":
+        return replace(config, stretch=sensor_layouts.pneuma_stretch())
+    return replace(config, window=None, section=None) if name == "i24" else config
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32"])
