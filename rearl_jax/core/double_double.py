@@ -45,14 +45,14 @@ def rounded(product: Float[Array, "*n"]) -> Float[Array, "*n"]:
 
 def arcsine(value: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Arcsine [rad] of values of at most sin 45 degrees."""
-    return _with_sine(jnp.arcsin(value), (value, jnp.zeros_like(value)))
+    return _with_sine(jnp.arcsin(value), _exact(value))
 
 
 def arctangent(value: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Arctangent [rad] of values of at most `ARCTANGENT_RANGE`: the arcsine of v / sqrt(1 + v^2)."""
-    unit = jnp.ones_like(value)
-    cosine = _square_root(_add(lax.optimization_barrier(unit), _product(value, value)))
-    return _with_sine(jnp.arctan(value), _divide((value, 0 * unit), cosine))
+    unit = lax.optimization_barrier(jnp.ones_like(value))
+    cosine = _square_root(_add(unit, _product(value, value)))
+    return _with_sine(jnp.arctan(value), _divide(_exact(value), cosine))
 
 
 def _with_sine(near: Array, sine: _DoubleDouble) -> Array:
@@ -64,15 +64,20 @@ def _with_sine(near: Array, sine: _DoubleDouble) -> Array:
     rest = jnp.full_like(near, float(_SINE_SERIES[-1]))
     for coefficient in reversed(_SINE_SERIES[_N_EXACT:-1]):
         rest = rest * square[0] + float(coefficient)
-    factor = rest, jnp.zeros_like(rest)
+    factor = _exact(rest)
     for coefficient in reversed(_SINE_SERIES[:_N_EXACT]):
         high, low = _times(square, factor)
         # With a barrier, because XLA would cancel a constant that is added and subtracted again.
         leading = lax.optimization_barrier(jnp.full_like(high, float(coefficient)))
         factor = _add(leading, (high, low + float(coefficient - Fraction(float(coefficient)))))
-    high, low = _times(_times(square, (near, jnp.zeros_like(near))), factor)
+    high, low = _times(_times(square, _exact(near)), factor)
     missing = ((sine[0] - near) - high) + (sine[1] - low)
     return near + lax.stop_gradient(missing / jnp.cos(near))
+
+
+def _exact(value: Array) -> _DoubleDouble:
+    """A float64 as double-double."""
+    return value, jnp.zeros_like(value)
 
 
 def _add(large: Array, small: _DoubleDouble) -> _DoubleDouble:

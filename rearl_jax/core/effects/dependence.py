@@ -37,6 +37,19 @@ def hat_weights(value: Float[Array, "*n"], knots: Float[Array, " knots"]) -> Flo
     return jnp.maximum(0.0, 1.0 - jnp.abs(inside[None] - knot) / step)
 
 
+_KNOTS = Parameter(
+    "knots",
+    "that of the variable",
+    "equidistant",
+    off=0.0,
+    low=-1e6,
+    high=1e6,
+    scale=1.0,
+    is_strength=False,
+    is_list=True,
+)
+
+
 class Dependence(Effect):
     """The acceleration depends on a variable through a curve estimated from data."""
 
@@ -51,17 +64,7 @@ class Dependence(Effect):
     source: ClassVar[str] = "found in data"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("values", "m/s^2", "the curve at its knots", off=0.0, low=-5.0, high=5.0, scale=0.3, is_list=True),
-        Parameter(
-            "knots",
-            "that of the variable",
-            "equidistant",
-            off=0.0,
-            low=-1e6,
-            high=1e6,
-            scale=1.0,
-            is_strength=False,
-            is_list=True,
-        ),
+        _KNOTS,
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -76,17 +79,7 @@ class TimeGapDependence(Dependence):
     equation: ClassVar[str] = "T exp(curve(variable)), piecewise linear between knots"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("values", "-", "the curve at its knots", off=0.0, low=-3.0, high=3.0, scale=0.3, is_list=True),
-        Parameter(
-            "knots",
-            "that of the variable",
-            "equidistant",
-            off=0.0,
-            low=-1e6,
-            high=1e6,
-            scale=1.0,
-            is_strength=False,
-            is_list=True,
-        ),
+        _KNOTS,
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
