@@ -30,14 +30,12 @@ from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.report.equilibrium import equilibrium_time_gaps
 from rearl_jax.discovery.report.error_block import IDM, error_block, lowers_predicting_errors
 from rearl_jax.discovery.report.errors import ModelErrors, model_errors
+from rearl_jax.discovery.report.failed_tests import failed_tests
 from rearl_jax.discovery.report.lane_choice_scores import LANE_CHANGE_TABLE, prediction_block, prediction_table
 from rearl_jax.discovery.report.population import population_block
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.variation import variation_block
 from rearl_jax.discovery.report.verdict import (
-    MISJUDGED,
-    OF_BOUNDS,
-    OF_MODEL,
     candidate_rows,
     claim_of,
     differing_clocks,
@@ -56,7 +54,6 @@ from rearl_jax.discovery.search.procedure import in_time
 from rearl_jax.discovery.search.refit import rebased, refit
 from rearl_jax.discovery.search.screen import scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
-from rearl_jax.document.table import spoken
 from rearl_jax.models.record import RepairedModel
 from rearl_jax.problems import out_of_range
 from rearl_jax.results import Study
@@ -174,7 +171,8 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
             "staleness": adequacy.staleness,
             "remaining": {"name": str(adequacy.remaining[0]), "z_score": adequacy.remaining[1]},
         },
-        "data": _described(parts, solver, (*parts.notes, *_doubts(outcome, adequacy))),
+        "failed_tests": [failed.plain() for failed in failed_tests(outcome, effects, adequacy)],
+        "data": _described(parts, solver),
         "thresholds": THRESHOLDS.plain(),
     }
     verdict = with_lane_choice(verdict_on_following, lanes)
@@ -214,13 +212,6 @@ def _errors_of_idm(config: DiscoverTask, found: BestSearch, parts: Parts, before
     solver = solver_of(parts.fitted, IDM_PRIOR)
     fit = base_of(solver, parts.fitted, lane_changes=False).fit
     return model_errors(solver, parts.reported, fit, config.discover.seed)
-
-
-def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:
-    """Notes on effects and drivers that the final model may describe wrongly."""
-    by_bounds = [OF_BOUNDS.format(spoken(str(term))) for term in outcome.of_bounds]
-    by_model = [OF_MODEL.format(spoken(str(term))) for term in outcome.of_model]
-    return by_bounds + by_model + ([MISJUDGED] if adequacy.misjudges else [])
 
 
 def _effects(
@@ -268,12 +259,13 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
         "error": error_block(errors, Resampling(options.confidence, options.draws, options.seed)),
         "base": None,
         "adequacy": None,
+        "failed_tests": [],
         "lane_choice": None,
-        "data": _described(parts, solver, parts.notes),
+        "data": _described(parts, solver),
     }
 
 
-def _described(parts: Parts, solver: Solver, notes: Sequence[str]) -> dict[str, Any]:
+def _described(parts: Parts, solver: Solver) -> dict[str, Any]:
     """Entry `data` of the verdict."""
     return {
         "id": parts.id,
@@ -290,5 +282,5 @@ def _described(parts: Parts, solver: Solver, notes: Sequence[str]) -> dict[str, 
         "position_noise": parts.fitted.noise,
         "properties": {finding.name: finding.value for finding in parts.findings if not finding.is_artefact},
         "findings": [finding.words for finding in parts.findings],
-        "notes": list(notes),
+        "notes": list(parts.notes),
     }

@@ -69,6 +69,7 @@ VERDICT = {
         "autocorrelation_by_noise": 0.0,
         "remaining": {"name": "dependence.gap", "z_score": 1.0},
     },
+    "failed_tests": [],
     "lane_choice": {"changes": 12, "opportunities": 345, "loss": None},
     "data": {
         "id": "abc",

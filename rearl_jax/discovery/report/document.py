@@ -10,6 +10,7 @@ from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.report.base_section import base_section
 from rearl_jax.discovery.report.candidate_results import RESULTS
 from rearl_jax.discovery.report.error_block import IDM
+from rearl_jax.discovery.report.failed_tests import failed_test_words
 from rearl_jax.discovery.report.groups_section import groups_section
 from rearl_jax.discovery.report.lane_choice_section import lane_choice_section
 from rearl_jax.discovery.report.population import population_section
@@ -97,6 +98,7 @@ def document_of(
         _error_section(verdict["error"]),
         base_section(verdict),
         _effect_section(verdict),
+        _failed_section(verdict["failed_tests"]),
         _protocol_section(verdict["error"]),
         _section("Candidates", how_following, _candidate_table("Candidates of car following", following, verdict)),
         _section("Lane choice", how_lanes, _candidate_table("Candidates of lane choice", lanes, verdict)),
@@ -247,6 +249,12 @@ def _result(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> str:
     if row["ambiguous"]:
         return "not distinguished"
     return "named" if is_claimed(row, verdict) else RESULTS.get(row.get("result", ""), "")
+
+
+def _failed_section(failed_tests: Sequence[Mapping[str, Any]]) -> Section:
+    words = "With the effects found, the remaining errors are more than noise, or an effect is in doubt."
+    notes = tuple(sentence(failed_test_words(failed)) for failed in failed_tests)
+    return Section("Tests that the final model fails", (words,) if notes else (), notes=notes)
 
 
 def _unexplained_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Section:

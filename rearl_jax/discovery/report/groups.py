@@ -55,6 +55,7 @@ def verdict_of_groups(
         "unseen": [],
         "error": error_block(errors, Resampling(options.confidence, options.draws, options.seed)),
         "adequacy": None,
+        "failed_tests": [],
         "lane_choice": None,
         "base": None,
         "data": data[0]
@@ -83,6 +84,7 @@ def _row(options: DiscoverConfig, name: str, verdict: Mapping[str, Any], parts: 
         "labels": _most_common(all_drivers),
         "verdict": verdict["verdict"],
         "effects": verdict["effects"],
+        "failed_tests": verdict["failed_tests"],
         "error": verdict["error"],
         "car_following": verdict["data"]["car_following"],
         "base": verdict["base"],

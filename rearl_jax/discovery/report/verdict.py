@@ -59,6 +59,8 @@ lane_choice  {changes, opportunities, loss: {before, after, change}, prediction}
              `lane_choice_scores`
 data         {id, recordings, generated, drivers: {fitted, checked, reported}, driver_seconds, step, position_noise,
              properties: {smoothing [s], position_noise [m], ...}: properties of the measurement, findings, notes}
+failed_tests [{test, names, value, limit}]: tests that the final model fails, at least one if `unexplained`; `names`:
+             effects concerned, `value` and `limit` null for tests without a number, see `failed_tests.TESTS`
 thresholds   {name: value}: every number that decides a claim, see `thresholds.py`
 seconds      computation time [s]
 """
@@ -91,20 +93,6 @@ from rearl_jax.discovery.search.families import distinguishing_data
 from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.search.screen import least_strength
 from rearl_jax.discovery.thresholds import THRESHOLDS
-
-MISJUDGED = (
-    "the acceleration residual grows with the response to a misjudged gap or an old decision: drivers misjudge "
-    "gaps, or decide at intervals and keep the acceleration in between"
-)
-"""Note on a model under which drivers seem to misjudge gaps."""
-
-OF_BOUNDS = "{} is not found if drivers' parameters may leave their bounds: drivers at a bound may cause it"
-"""Note on an effect that depends on the bounds of the drivers' parameters."""
-
-OF_MODEL = (
-    "{} is not found with another car-following model that is about as likely: an error of the model may cause it"
-)
-"""Note on an effect that depends on the car-following model."""
 
 
 def claim_of(

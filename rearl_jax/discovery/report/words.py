@@ -20,6 +20,9 @@ def verdict_words(verdict: Mapping[str, Any]) -> str:
     findings = [base_words(verdict["base"])] if verdict.get("base") and verdict["base"]["differs"] else []
     if following or not lanes or verdict["verdict"] == "unexplained":
         findings.append(_following_words(verdict["verdict"], following))
+        if verdict["verdict"] == "unexplained":
+            tests = dict.fromkeys(spoken(failed["test"]) for failed in verdict["failed_tests"])
+            findings[-1] += f" (failed tests: {', '.join(tests)})"
     if lanes:
         findings.append(f"missing in lane choice: {_names(lanes)}")
     return "; ".join(findings)

@@ -82,10 +82,14 @@ class Adequacy:
     driver_minutes: float
 
     @property
+    def most_growth(self) -> float:
+        """Limit of misjudgement and staleness [-]."""
+        return max(THRESHOLDS.growth_z_score, THRESHOLDS.growth_per_root_minute * float(np.sqrt(self.driver_minutes)))
+
+    @property
     def misjudges(self) -> bool:
         """True if drivers seem to misjudge gaps, or to decide at intervals."""
-        least = max(THRESHOLDS.growth_z_score, THRESHOLDS.growth_per_root_minute * float(np.sqrt(self.driver_minutes)))
-        return max(self.misjudgement, self.staleness) > least
+        return max(self.misjudgement, self.staleness) > self.most_growth
 
     @property
     def is_of_clocks(self) -> bool:
@@ -96,16 +100,19 @@ class Adequacy:
 
     @property
     def is_white(self) -> bool:
-        """True if the autocorrelation of innovations hardly lies outside the range from 0 to that of drives simulated
-        with noise alone.
+        """True if `excess_autocorrelation` is small."""
+        return abs(self.excess_autocorrelation) < THRESHOLDS.most_autocorrelation
+
+    @property
+    def excess_autocorrelation(self) -> float:
+        """Autocorrelation of innovations beyond the range from 0 to that of drives simulated with noise alone [-].
 
         The observer assumes innovations without autocorrelation. Noise alone makes them positively correlated if
         drives were smoothed, and negatively if drivers correct errors faster than the observer, which has one gain for
         all of them, assumes; either may be weaker than simulated, because leaders' errors count as drivers' noise too.
         """
         by_noise = self.autocorrelation_by_noise
-        nearest = float(np.clip(self.autocorrelation, min(by_noise, 0.0), max(by_noise, 0.0)))
-        return abs(self.autocorrelation - nearest) < THRESHOLDS.most_autocorrelation
+        return self.autocorrelation - float(np.clip(self.autocorrelation, min(by_noise, 0.0), max(by_noise, 0.0)))
 
     @property
     def is_adequate(self) -> bool:
@@ -115,11 +122,17 @@ class Adequacy:
     @property
     def is_normal(self) -> bool:
         """True if the kurtosis is that of normal innovations, or if the added effects removed enough of it."""
-        explained = self.kurtosis < THRESHOLDS.kurtosis_left * self.kurtosis_before
-        return (
-            self.kurtosis <= max(THRESHOLDS.most_kurtosis, THRESHOLDS.kurtosis_z_score * self.kurtosis_deviation)
-            or explained
-        )
+        return self.kurtosis <= self.tolerated_kurtosis or self.kurtosis < self.enough_removed
+
+    @property
+    def tolerated_kurtosis(self) -> float:
+        """Kurtosis up to which innovations count as normal [-]."""
+        return max(THRESHOLDS.most_kurtosis, THRESHOLDS.kurtosis_z_score * self.kurtosis_deviation)
+
+    @property
+    def enough_removed(self) -> float:
+        """Kurtosis below which the added effects removed enough of it [-]."""
+        return THRESHOLDS.kurtosis_left * self.kurtosis_before
 
 
 def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:

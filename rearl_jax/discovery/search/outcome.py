@@ -167,12 +167,16 @@ class Search:
         return bool(kinds) and kinds <= NAMED_KINDS
 
     @property
-    def is_contradicted(self) -> bool:
-        """True if an effect or artefact that the innovations (one-step prediction errors) support makes simulations of
-        the check drivers worse, or does not predict them better where that was required.
+    def denied(self) -> list[Trial]:
+        """Trials that the innovations (one-step prediction errors) support and that make simulations of the check
+        drivers worse, or do not predict them better where that was required.
         """
-        denied = self.rounds[-1].contradicted if not self.added else []
-        return any(not is_free(trial) for trial in (*self.rejected, *denied))
+        return [*self.rejected, *([] if self.added else self.rounds[-1].contradicted)]
+
+    @property
+    def is_contradicted(self) -> bool:
+        """True if an effect or artefact was denied; a free curve imitates too much to count."""
+        return any(not is_free(trial) for trial in self.denied)
 
     @property
     def leaves_shifts(self) -> bool:
@@ -185,24 +189,29 @@ class Search:
         return any(z_score > THRESHOLDS.unexplained_z_score for z_score in self.rounds[-1].z_score.values())
 
     def is_doubtful(self, trial: Trial) -> bool:
-        """True if the name of an effect is in doubt.
+        """True if the name of an effect is in doubt."""
+        return bool(self.doubts(trial))
 
-        There are six reasons: it does not hold if drivers' parameters may leave their bounds; another car-following
-        model, about as likely, does without it; simulations contradict a trial; a trial that was not added is better; a
-        free curve was added earlier, and the effect may only fit its remainder; or a free curve over one of its
-        variables was needed in addition, so the effect has another form.
+    def doubts(self, trial: Trial) -> list[str]:
+        """Why the name of an effect is in doubt.
+
+        `of_bounds`: it does not hold if drivers' parameters may leave their bounds. `of_model`: another car-following
+        model, about as likely, does without it. `denied`: simulations contradict a trial. `surpassed`: a trial that was
+        not added is better. `after_curve`: a free curve was added earlier, and the effect may only fit its remainder.
+        `beside_curve`: a free curve over one of its variables was needed in addition, so the effect has another form.
         """
-        if trial.candidate.term in self.of_bounds | self.of_model:
-            return True
-        if self.is_contradicted or any(round_.is_beaten for round_ in self.rounds if round_.chosen is trial):
-            return True
         earlier = takewhile(lambda other: other is not trial, self.added)
-        if not is_free(trial) and any(is_free(other) for other in earlier):
-            return True
         curves = [other.candidate for other in (*self.added, *self.rejected) if is_free(other)]
-        return any(
-            set(curve.variables) & set(trial.candidate.variables) for curve in curves if curve != trial.candidate
-        )
+        variables = set(trial.candidate.variables)
+        holds = {
+            "of_bounds": trial.candidate.term in self.of_bounds,
+            "of_model": trial.candidate.term in self.of_model,
+            "denied": self.is_contradicted,
+            "surpassed": any(round_.is_beaten for round_ in self.rounds if round_.chosen is trial),
+            "after_curve": not is_free(trial) and any(is_free(other) for other in earlier),
+            "beside_curve": any(variables & set(curve.variables) for curve in curves if curve != trial.candidate),
+        }
+        return [reason for reason, is_one in holds.items() if is_one]
 
 
 def is_free(trial: Trial) -> bool:

@@ -100,18 +100,19 @@ def _verdict(summary: Mapping[str, Any]) -> str:
 
 def _verdicts(groups: pd.DataFrame) -> Section:
     columns = {"name": "", "drivers": "drivers", "base": "base model", "verdict": "verdict", "effects": "effects"}
+    columns |= {"failed_tests": "failed tests"}
     columns |= {f"time_gap_{speed}": f"time gap at {speed} m/s [s]" for speed in SPEEDS} | {"worse_in": "worse in"}
     spoken_words = {"base": groups["base"].map(spoken), "effects": groups["effects"].replace("", None)}
-    worse = groups["worse_in"].map(lambda names: ", ".join(map(spoken, names.split(","))) if names else None)
+    for column in ("failed_tests", "worse_in"):
+        spoken_words[column] = groups[column].map(lambda names: ", ".join(map(spoken, names.split(","))) or None)
     explanation = (
         "Each group was calibrated and searched alone; its folder in sets/ has candidates, curves and the repaired "
         "model. Time gaps are those at equilibrium behind a leader of constant speed, medians of the calibrated "
-        f"drivers. Worse in: protocols in which the repaired model's mean gap error is more than "
+        "drivers. Failed tests: why the model with all effects found does not explain the drivers, with figures on the "
+        f"page of the set. Worse in: protocols in which the repaired model's mean gap error is more than "
         f"{percent(WORSE_INCREASE)} above that of the base model.",
     )
-    return Section(
-        "Verdicts", explanation, (table_of("Verdicts", groups.assign(**spoken_words, worse_in=worse), columns),)
-    )
+    return Section("Verdicts", explanation, (table_of("Verdicts", groups.assign(**spoken_words), columns),))
 
 
 def _errors(groups: pd.DataFrame) -> Section:

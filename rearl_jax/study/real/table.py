@@ -19,7 +19,7 @@ IDM calibrated to the same drivers [m], and the relative difference of the error
 SPEEDS = ("10", "20")
 """Speeds at which equilibrium time gaps are stated [m/s]."""
 
-ROW_COLUMNS = ("set", "title", "group", "drivers", "base", "verdict", "effects", "worse_in")
+ROW_COLUMNS = ("set", "title", "group", "drivers", "base", "verdict", "effects", "failed_tests", "worse_in")
 
 
 def rows_of(name: str, title: str, group: str, verdict: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -52,6 +52,7 @@ def _row(
         "base": default_base if base is None else base["chosen"],
         "verdict": verdict["verdict"],
         "effects": "; ".join(map(with_numbers, verdict["effects"])),
+        "failed_tests": ",".join(dict.fromkeys(failed["test"] for failed in verdict["failed_tests"])),
         "worse_in": ",".join(
             protocol
             for protocol in PROTOCOLS

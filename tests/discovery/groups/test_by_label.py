@@ -138,18 +138,20 @@ def test_groups_are_a_table_and_a_line():
         "by": "setting", "value": "L", "drivers": {"fitted": 5, "checked": 5, "reported": 6}, "cars": 10, "shared": 0,
         "verdict": "named", "effects": [effect], "error": {"before": figure, "after": figure},
         "equilibrium_time_gap": {"10": figure, "20": None}, "notes": [], "car_following": "idm",
-        "labels": {"acc": {"value": "1", "share": 0.75}},
+        "labels": {"acc": {"value": "1", "share": 0.75}}, "failed_tests": [],
     }  # fmt: skip
-    other = row | {"value": "S", "verdict": "nothing", "effects": [], "cars": None}
+    failed = {"test": "old_decisions", "names": [], "value": 5.0, "limit": 3.5}
+    other = row | {"value": "S", "verdict": "unexplained", "effects": [], "cars": None, "failed_tests": [failed]}
     grouping = {"by": "setting", "left_out": {"M": 4}}
     section = groups_section({"groups": [row, other], "grouping": grouping})
     (table,) = section.tables
     assert [drawn.title for drawn in table.rows] == ["L", "S"]
     assert table.rows[0].cells[0].value == "16 of 10 persons or cars"
     assert [cell.value for cell in table.rows[1].cells[-2:]] == ["1.50", "-"]
-    assert "4 drivers of group M are left out" in section.notes[0]
+    assert "S: noise grows" in section.notes[0]
+    assert "4 drivers of group M are left out" in section.notes[1]
     words = verdict_words({"verdict": "named", "effects": [effect], "groups": [row, other]})
-    assert words == "L: missing in the model: grade; S: nothing significant is missing"
+    assert words == "L: missing in the model: grade; S: unexplained (failed tests: old decisions)"
     kinds = {"kinds": 2, "gain": 34.0, "chance": 0.025, "purity": {"acc": {"value": 0.9, "by_chance": 0.6}}}
     notes = " ".join(groups_section({"groups": [row, other], "grouping": grouping | kinds}).notes)
     assert "2 kinds" in notes

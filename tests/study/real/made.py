@@ -55,10 +55,13 @@ def verdict(word="improved", change_share=-0.2, groups=()):
     worse = protocols["population"] | {"gap_rmse": {"mean": mean}}
     error = VERDICT["error"] | {"protocols": protocols | {"population": worse}}
     base = {"chosen": "idm", "differs": False, "equilibrium_time_gap": {"10": FIGURE, "20": None}}
+    failed = [{"test": test, "names": [], "value": 5.0, "limit": 3.5} for test in ("old_decisions", "heavy_tails")]
     one = VERDICT | {"verdict": word, "error": error, "base": base}
+    one |= {"failed_tests": failed if word == "unexplained" else []}
     if not groups:
         return one
     row = {"drivers": one["data"]["drivers"], "effects": one["effects"], "error": error, "verdict": word}
+    row |= {"failed_tests": one["failed_tests"]}
     rows = [
         row | {"value": group, "base": base | {"chosen": chosen}, "equilibrium_time_gap": base["equilibrium_time_gap"]}
         for group, chosen in groups

@@ -36,6 +36,11 @@ def test_a_discovery_by_groups_has_a_row_for_each():
     assert [(one["group"], one["base"]) for one in made] == [("ACC", "constant_time_headway"), ("person", "idm")]
 
 
+def test_it_says_which_tests_fail():
+    assert row(word="unexplained")["failed_tests"] == "old_decisions,heavy_tails"
+    assert row(word="named")["failed_tests"] == ""
+
+
 @pytest.mark.parametrize(("change", "said"), [(-0.2, ""), (0.009, ""), (0.011, "population")])
 def test_it_says_where_the_repaired_model_is_worse(change, said):
     assert row(change_share=change)["worse_in"] == said
