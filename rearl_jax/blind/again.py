@@ -17,7 +17,7 @@ from typing import Any
 
 import pandas as pd
 
-from rearl_jax.blind.document import TABLES, document_of
+from rearl_jax.blind.document import document_of
 from rearl_jax.blind.judging import Judgement, is_alone, shown_of
 from rearl_jax.blind.questions import QUESTIONS, Judged
 from rearl_jax.blind.results import BlindResults
@@ -39,13 +39,11 @@ class KeptResults(BlindResults):
 
     Attributes:
         columns: Columns of this table.
-        kept_scores, kept_parameters, kept_calibration: Rows of the tables that the study itself wrote.
+        kept_scores: Rows of scores.parquet as the study itself wrote them.
     """
 
     columns: frozenset[str]
     kept_scores: Sequence[Mapping[str, Any]]
-    kept_parameters: Sequence[dict]
-    kept_calibration: Sequence[dict]
 
     @cached_property
     def scores(self) -> list[Score]:
@@ -56,16 +54,6 @@ class KeptResults(BlindResults):
         computable = [question for question in QUESTIONS if question.name not in self._not_computable]
         kept |= {score.name: score for score in score_all(self.cases, computable)}
         return [kept[question.name] for question in QUESTIONS if question.name in kept]
-
-    @cached_property
-    def parameters(self) -> list[dict]:
-        """Rows of the table of parameters that the study itself wrote."""
-        return list(self.kept_parameters)
-
-    @cached_property
-    def calibration(self) -> list[dict]:
-        """Rows of the table of calibration that the study itself wrote."""
-        return list(self.kept_calibration)
 
     @property
     def _not_computable(self) -> set[str]:
@@ -91,8 +79,6 @@ def read_study(folder: Path) -> tuple[Protocol, KeptResults]:
         n_drawn=len(truths),
         columns=frozenset(table.columns),
         kept_scores=_rows(pd.read_parquet(folder / "scores.parquet")),
-        kept_parameters=_rows(pd.read_parquet(folder / "parameters.parquet")),
-        kept_calibration=_rows(pd.read_parquet(folder / "calibration.parquet")),
     )
 
 
@@ -114,11 +100,11 @@ def judge_again(folder: Path) -> dict[str, Any]:
     sealed = {"master_seed": protocol.master_seed, "truth_sha256": protocol.truth_sha256}
     priors = {"priors": old_summary["priors"]} if "priors" in old_summary else {}
     summary = made_by | {"judged_again": True} | sealed | results.summary() | priors
-    for name, table in results.tables().items():
+    kept = {name: pd.read_parquet(folder / f"{name}.parquet") for name in ("parameters", "calibration", "cases")}
+    derived = results.tables()
+    for name, table in derived.items():
         _write_table(folder / f"{name}.parquet", table, provenance)
-    written = [name for name in TABLES if (folder / f"{name}.parquet").is_file()]
-    tables = {name: pd.read_parquet(folder / f"{name}.parquet") for name in written}
-    document = document_of(summary, tables, vars(protocol))
+    document = document_of(summary, kept | derived, vars(protocol))
     figures = draw_figures(results)
     for name in figures:
         if (path := folder / f"{name}.png").is_file():

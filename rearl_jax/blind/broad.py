@@ -53,7 +53,7 @@ def draw_traffic(case: Case) -> Drawn:
         RuntimeError: No attempt was plausible.
     """
     priors, redraws = PRIORS.widened(case.width), Counter[str]()
-    fixed = {name: None if case.changes.get(name) is None else case.changes[name] for name in ("followers", "duration")}
+    fixed = {name: case.changes.get(name) for name in ("followers", "duration")}
     for attempt in range(MOST_ATTEMPTS):
         scenario = draw_scenario(priors, case.planted, case.base, case.seed, attempt, **fixed)  # type: ignore[arg-type]
         is_sumo = case.base in SUMO_BASES

@@ -9,14 +9,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.blind.cases import BROAD, BROAD_CONTROL
-from rearl_jax.blind.details import (
-    by_set,
-    by_strength,
-    confidence_calibration,
-    oracle_share,
-    outcome_counts,
-    parameter_rows,
-)
+from rearl_jax.blind.details import by_set, by_strength, oracle_share, outcome_counts
 from rearl_jax.blind.questions import Judged
 from rearl_jax.blind.scores import Score, score_all
 from rearl_jax.blind.strata import by_stratum, redraws
@@ -24,7 +17,6 @@ from rearl_jax.blind.verdicts import NOTHING, UNEXPLAINED
 
 SHOWN_GROUPS = ("named", "artefact", "unlisted", "control", "sumo", BROAD, BROAD_CONTROL)
 """Sets of the confusion matrix: one effect at its usual strength, or none."""
-
 
 BROAD_COLUMNS = ("base", "is_smoothed", "has_many_changes", "lane_changes_per_minute", "mean_speed", "effect_size")
 """Columns of data sets with broad priors."""
@@ -58,16 +50,6 @@ class BlindResults:
         return by_strength(self.cases)
 
     @cached_property
-    def parameters(self) -> list[dict]:
-        """See `parameter_rows`."""
-        return parameter_rows(self.cases)
-
-    @cached_property
-    def calibration(self) -> list[dict]:
-        """See `confidence_calibration`."""
-        return confidence_calibration(self.cases)
-
-    @cached_property
     def strata(self) -> list[dict]:
         """See `by_stratum`."""
         return by_stratum(self.cases)
@@ -75,7 +57,7 @@ class BlindResults:
     def tables(self) -> dict[str, pd.DataFrame]:
         """Tables derived from the table of data sets, by file name; `strata` with broad priors only."""
         tables = {
-            "scores": self.score_table(),
+            "scores": pd.DataFrame([vars(score) | {"rate": score.rate} for score in self.scores]),
             "sets": pd.DataFrame(self.sets),
             "confusion": self.confusion(),
             "strengths": pd.DataFrame(self.strengths),
@@ -98,10 +80,6 @@ class BlindResults:
     def case_table(self) -> pd.DataFrame:
         """One row per data set; `named` (all names) and `false` (false names) contain names joined by +."""
         return pd.DataFrame([_row(case) for case in self.cases])
-
-    def score_table(self) -> pd.DataFrame:
-        """One row per rate."""
-        return pd.DataFrame([vars(score) | {"rate": score.rate} for score in self.scores])
 
     def summary(self) -> dict[str, Any]:
         """Key-value pairs, and the rates as a list."""

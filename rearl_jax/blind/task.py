@@ -15,6 +15,7 @@ from typing import Any
 import pandas as pd
 from rich.progress import Progress
 
+from rearl_jax.blind.details import confidence_calibration, parameter_rows
 from rearl_jax.blind.document import document_of
 from rearl_jax.blind.results import BlindResults
 from rearl_jax.blind.rounds import Discover, count_finished, judge_cases, open_study, run_cases, time_left
@@ -51,8 +52,8 @@ def run_with(config: DiscoverBlindTask, discover: Discover) -> dict:
     tables = {
         "cases": results.case_table(),
         **results.tables(),
-        "parameters": pd.DataFrame(results.parameters),
-        "calibration": pd.DataFrame(results.calibration),
+        "parameters": pd.DataFrame(parameter_rows(results.cases)),
+        "calibration": pd.DataFrame(confidence_calibration(results.cases)),
     }
     for name, table in tables.items():
         study.write_table(name, table, **seeds)

@@ -32,7 +32,7 @@ from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.search.adequacy import Adequacy, adequacy
-from rearl_jax.discovery.search.explanation import is_explained, names_more, prediction_of, predicts_better
+from rearl_jax.discovery.search.explanation import is_explained, prediction_of, predicts_better
 from rearl_jax.discovery.search.null import Null, null_of
 from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.search.procedure import NullFor, Report, search
@@ -146,10 +146,12 @@ def _with_best_model(
             continue
         no_clocks = frozenset({CLOCK_OFFSET})
         named = _search(config, None, other, parts, bar, other_label, excluded=no_clocks, names_only=True)
+        # An artefact of the recording that appears with the other model only is evidence against that model.
         if not named.is_named:
             continue
         named_adequacy = adequacy(other, named, seed)
-        if names_more(prediction, named, named_adequacy, prediction_of(other, named), seed):
+        is_better = predicts_better(prediction, prediction_of(other, named), seed)
+        if is_better and is_explained(named, named_adequacy):
             log.info("with %s, the effects found have names, and the check drivers are predicted better", prior.name)
             comparison = comparison.with_choice(prior)
             named, model_tests = _in_other_models(other, named, comparison, parts, seed)

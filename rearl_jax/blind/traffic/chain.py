@@ -4,7 +4,7 @@ import numpy as np
 from scipy.ndimage import convolve1d
 from scipy.signal import lfilter, savgol_filter
 
-from rearl_jax.blind.traffic.measurement import LANE_WIDTH, LATERAL_NOISE, PAD, Frames
+from rearl_jax.blind.traffic.measurement import PAD, Frames, across
 from rearl_jax.blind.traffic.scenario import Chain, Scenario
 from rearl_jax.blind.traffic.simulation import Events
 
@@ -29,7 +29,9 @@ def release(scenario: Scenario, chain: Chain, events: Events) -> Frames:
         window = max(3, 2 * round(0.5 * chain.slope_time * rate) + 1)
         speed = np.asarray(savgol_filter(position, window, 2, deriv=1, delta=1.0 / rate, axis=0))
     speed = np.maximum(0.0, speed)
-    lane, lateral = _across(chain, events, time[recorded], rng)
+    # A path of minimum jerk is at the marking after half of its time.
+    delay = 0.5 * chain.change_time if chain.lane == "marking" else 0.0
+    lane, lateral = across(events, time[recorded], chain.change_time, delay, rng)
     return Frames(
         position[recorded],
         lateral,
@@ -69,18 +71,3 @@ def weights(kernel: str, deviation: float) -> np.ndarray:
         # A moving average; a frame at its edge counts with the part of it that is inside.
         values = np.clip(np.sqrt(3.0) * deviation + 0.5 - np.abs(frame), 0.0, 1.0)
     return values / values.sum()
-
-
-def _across(chain: Chain, events: Events, time: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Lane, and lateral position from the left edge of the leftmost lane [m], in every frame; the sideways motion
-    begins with the decision.
-    """
-    delay = 0.5 * chain.change_time if chain.lane == "marking" else 0.0
-    lane = events.lane[np.searchsorted(events.time, time - delay - 1e-6)]
-    lateral = events.wander[np.searchsorted(events.time, time - 1e-6)] + LANE_WIDTH * (events.lane[0] + 0.5)
-    for step, vehicle in zip(*np.nonzero(np.diff(events.lane, axis=0)), strict=True):
-        share = np.clip((time - events.time[step + 1]) / chain.change_time, 0.0, 1.0)
-        jump = int(events.lane[step + 1, vehicle]) - int(events.lane[step, vehicle])
-        # A path of minimum jerk is at the marking after half of its time, hence the delay above.
-        lateral[:, vehicle] += LANE_WIDTH * jump * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-    return lane, lateral + LATERAL_NOISE * rng.standard_normal(lateral.shape)

@@ -92,7 +92,7 @@ def weigh(now: Snapshot, side: int) -> Choice:
     fits = (leader < now.n) & (gap > LEAST_GAP) & (rear_gap > LEAST_GAP) & (now.leader < now.n)
     fits &= (lane >= 0) & (lane < now.n_lanes) & (own_after > -SAFE_DECELERATION) & (rear_after > -SAFE_DECELERATION)
     cost_to_rear = scale(now.drivers(rear)) * (behind_me - before)
-    return Choice(side, leader, rear, gap, rear_gap, gain, cost_to_rear, scale(now.drivers(follower)) * relief, fits)
+    return Choice(side, leader, rear, gap, gain, cost_to_rear, scale(now.drivers(follower)) * relief, fits)
 
 
 def _neighbours(now: Snapshot, side: int) -> tuple[np.ndarray, np.ndarray]:

@@ -74,7 +74,7 @@ def measure(scenario: Scenario, events: Events) -> Frames:
         return column[first : first + n_frames]
 
     road_start, road_length = seen_road(scenario, events)
-    lane, lateral = _across(events, time[pad : pad + n_frames], rng)
+    lane, lateral = across(events, time[pad : pad + n_frames], CHANGE_TIME, 0.0, rng)
     delay = {name: 0.5 * fault.get(name, 0.0) for name in ("position_lag", "speed_lag")}
     return Frames(
         released(position, delay["position_lag"]) - road_start,
@@ -121,14 +121,16 @@ def _errors(
     return np.clip(size * drawn, -GATE, GATE)
 
 
-def _across(events: Events, time: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Lane and lateral position [m] in every frame."""
-    steps = np.searchsorted(events.time, time - 1e-6)
-    lane = events.lane[steps]
-    dt = events.time[1] - events.time[0]
-    lateral = events.wander[steps] + LANE_WIDTH * (events.lane[0] + 0.5)
+def across(
+    events: Events, time: np.ndarray, change_time: float, lane_delay: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lane, and lateral position from the left edge of the leftmost lane [m], in every frame. The sideways motion of a
+    lane change begins with the decision and takes `change_time` [s]; the lane changes `lane_delay` [s] after it.
+    """
+    lane = events.lane[np.searchsorted(events.time, time - lane_delay - 1e-6)]
+    lateral = events.wander[np.searchsorted(events.time, time - 1e-6)] + LANE_WIDTH * (events.lane[0] + 0.5)
     for step, vehicle in zip(*np.nonzero(np.diff(events.lane, axis=0)), strict=True):
-        share = np.clip((time - events.time[0] - (step + 1) * dt) / CHANGE_TIME, 0.0, 1.0)
+        share = np.clip((time - events.time[step + 1]) / change_time, 0.0, 1.0)
         jump = int(events.lane[step + 1, vehicle]) - int(events.lane[step, vehicle])
         # A path of minimum jerk.
         lateral[:, vehicle] += LANE_WIDTH * jump * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)

@@ -108,10 +108,6 @@ class Scenario:
         """Raises InvalidInputError for a scenario that cannot be simulated."""
         if self.n_vehicles % self.n_lanes or self.n_vehicles < 2 * self.n_lanes:
             raise out_of_range("n_vehicles", f"must be a multiple of {self.n_lanes} lanes", self.n_vehicles)
-        if abs(self.steps_per_frame * SUB_STEP * self.frame_rate - 1.0) > 1e-9:
+        steps_per_frame = round(1.0 / (self.frame_rate * SUB_STEP))
+        if abs(steps_per_frame * SUB_STEP * self.frame_rate - 1.0) > 1e-9:
             raise out_of_range("frame_rate", f"must leave whole steps of {SUB_STEP} s between frames", self.frame_rate)
-
-    @property
-    def steps_per_frame(self) -> int:
-        """Sub-steps between two frames."""
-        return round(1.0 / (self.frame_rate * SUB_STEP))

@@ -124,7 +124,7 @@ class Choice:
     Attributes:
         side: -1 to the left, +1 to the right.
         leader, rear: New leader and new follower; n if there is none.
-        gap, rear_gap: Bumper-to-bumper gaps to them [m]; FAR if there is none.
+        gap: Bumper-to-bumper gap to the new leader [m]; FAR if there is none.
         gain: Gain in the acceleration of the driver who changes [m/s^2].
         cost_to_rear: Loss of the new follower's acceleration [m/s^2], positive.
         follower_gain: Gain of the present follower's acceleration [m/s^2].
@@ -135,7 +135,6 @@ class Choice:
     leader: np.ndarray
     rear: np.ndarray
     gap: np.ndarray
-    rear_gap: np.ndarray
     gain: np.ndarray
     cost_to_rear: np.ndarray
     follower_gain: np.ndarray

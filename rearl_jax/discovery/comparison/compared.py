@@ -18,11 +18,11 @@ from rearl_jax.discovery.observe.base import Base, base_of
 from rearl_jax.discovery.observe.closed_loop import calibrated_to_gap, simulated_error
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState, new_state
-from rearl_jax.discovery.observe.noise import ACCELERATIONS, noise_levels, under_best_time, with_spread
+from rearl_jax.discovery.observe.noise import noise_levels, under_best_time, with_spread
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.starts import from_best_start
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.read.training import every_run
+from rearl_jax.discovery.read.training import left_out_runs
 from rearl_jax.discovery.report.protocols import PROTOCOL_MEASURES, protocol_errors
 from rearl_jax.discovery.search.decision import bounded_gains
 
@@ -100,15 +100,15 @@ def calibrated_alike(solver: Solver, data: Measured, fit: Fit) -> Fit:
     """
     state = new_state(data, solver.layout, fit.noise)
     state.theta, state.active = fit.state.theta.copy(), fit.state.active
-    state = from_best_start(solver, state, iterations=10, tolerance=1.0)
-    state, noise = under_best_time(solver, state, noise_levels(fit.noise, ACCELERATIONS))
+    state = from_best_start(solver, state, iterations=10)
+    state, noise = under_best_time(solver, state, noise_levels(fit.noise))
     return Fit(candidate=None, state=with_spread(solver, state), noise=noise)
 
 
 def _errors_by_protocol(solver: Solver, fit: Fit, state: FitState) -> dict[str, dict[str, Float[np.ndarray, " _"]]]:
     """Errors of drivers in every protocol in which at least one driver can be tested."""
     in_sample = simulated_error(solver, calibrated_to_gap(solver, state))
-    found = protocol_errors(solver, state, fit, in_sample, every_run(state.data))
+    found = protocol_errors(solver, state, fit, in_sample, left_out_runs(state.data))
     return {name: dict(errors.by_driver) for name, errors in found.items() if errors is not None}
 
 

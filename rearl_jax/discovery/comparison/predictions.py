@@ -42,7 +42,7 @@ def predicting_effects(solver: Solver, outcome: Search, seed: int, null_for: Nul
     """
 
     def errors_of(fit: Fit) -> GapErrors:
-        return _gap_errors_of(solver, outcome.checked, fit)
+        return _gap_errors(prediction_errors(solver, recalibrated(solver, outcome.checked, fit), fit))
 
     def most_predictive(base: Fit, trials: Sequence[Trial]) -> Trial | None:
         if not trials:
@@ -95,11 +95,6 @@ def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapV
             break
         variation = variations.best([share for share in START_SHARES if share < variation.start_share])
     return variation
-
-
-def _gap_errors_of(solver: Solver, data: Measured, fit: Fit) -> GapErrors:
-    """Errors of a model for drivers that it was not fitted to."""
-    return _gap_errors(prediction_errors(solver, recalibrated(solver, data, fit), fit))
 
 
 def _gap_errors(found: Mapping[str, ProtocolErrors | None]) -> GapErrors:

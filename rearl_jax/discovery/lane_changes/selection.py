@@ -6,6 +6,7 @@ are checked in turn, and 2 report drivers, whose losses are stated.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Int
@@ -14,7 +15,7 @@ from scipy.stats import norm
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.claims import Claim, Estimate, share_of
 from rearl_jax.discovery.lane_changes.candidates import CANDIDATES, LaneCandidate
-from rearl_jax.discovery.lane_changes.findings import LaneChangeFindings, Loss, RankedCandidate
+from rearl_jax.discovery.lane_changes.findings import LaneChangeFindings, Loss
 from rearl_jax.discovery.lane_changes.hazard import fit
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
 from rearl_jax.discovery.lane_changes.motion import count_changes
@@ -202,8 +203,8 @@ def _effects(
 
 def _ranked(
     columns: CandidateColumns, added: Sequence[Trial], rounds: Sequence[Sequence[Trial]]
-) -> tuple[RankedCandidate, ...]:
-    """All candidates as in the first round, and the circumstances that every model contains."""
+) -> tuple[dict[str, Any], ...]:
+    """All candidates as in the first round, and the circumstances that every model contains: entries of a verdict."""
     # Candidates about as good as the one that was added in their round; `zip` leaves out a last round without one.
     alike = {
         other.candidate.key
@@ -212,9 +213,19 @@ def _ranked(
         if other.is_confirmed and trial.total - other.total < THRESHOLDS.indistinct_lane_total
     } - {trial.candidate.key for trial in added}
 
-    def row(candidate: LaneCandidate, z: float, gain: float | None, check: float | None) -> RankedCandidate:
+    def row(candidate: LaneCandidate, z: float, gain: float | None, check: float | None) -> dict[str, Any]:
         is_alike = candidate.key in alike
-        return RankedCandidate(candidate.name, candidate.kind, candidate.variables, z, gain, check, is_alike)
+        return {
+            "name": candidate.name,
+            "kind": candidate.kind,
+            "variables": list(candidate.variables),
+            "evidence": 0.5 * z**2,
+            "z_score": z,
+            "gain": gain,
+            "check": check,
+            "ambiguous": is_alike,
+            "told_apart_by": "changes in which the two would choose differently" if is_alike else None,
+        }
 
     rows = [row(trial.candidate, abs(trial.z), trial.gain, trial.check) for trial in rounds[0]]
     line = columns.fitted(columns.effects(()), 0, 1).line
@@ -222,7 +233,7 @@ def _ranked(
     of_held = slice(-len(held), None)  # they are the last columns of the model
     z_scores = np.abs(line.coefficients[of_held]) / np.sqrt(np.diag(line.covariance)[of_held])
     rows += [row(candidate, float(z), None, None) for candidate, z in zip(held, z_scores, strict=True)]
-    return tuple(sorted(rows, key=lambda ranked: -ranked.z_score))
+    return tuple(sorted(rows, key=lambda ranked: -ranked["z_score"]))
 
 
 def _loss(columns: CandidateColumns, added: Sequence[Trial], confidence: float) -> Loss:

@@ -55,30 +55,21 @@ class Trial:
 
 class CandidateColumns:
     """All opportunities with the columns of the candidates, in three parts that share no driver: `part` is that of each
-    row, `seed` the seed of resamples.
+    row, `seed` the seed of resamples, `of_form` the column of each form of the candidates.
     """
 
     def __init__(self, table: Opportunities, part: Int[np.ndarray, " rows"], seed: int) -> None:
         self.part, self.seed = part, seed
-        self.columns = {
-            (candidate.key, number): form.column(table)
-            for candidate in CANDIDATES
-            for number, form in enumerate(candidate.forms)
-        }
-        others = np.column_stack(
-            [self.columns[candidate.key, 0] for candidate in CANDIDATES if candidate.is_circumstance]
-        )
+        self.of_form = {form: form.column(table) for candidate in CANDIDATES for form in candidate.forms}
+        held = [candidate.forms[0] for candidate in CANDIDATES if candidate.is_circumstance]
+        others = np.column_stack([self.of_form[form] for form in held])
         driver = np.unique(table.vehicle, return_inverse=True)[1]
         self.data = Choices(own_gain(table), others, table.changes, driver)
         self.bends = knots(self.data.gain[part == 0], table.changes[part == 0])
 
-    def column(self, candidate: LaneCandidate, form: Form) -> Float[np.ndarray, " rows"]:
-        """Column of a candidate in one of its forms."""
-        return self.columns[candidate.key, candidate.forms.index(form)]
-
     def effects(self, added: Sequence[Trial]) -> Float[np.ndarray, "rows effects"]:
         """Columns of the added effects."""
-        columns = [self.column(trial.candidate, trial.form) for trial in added]
+        columns = [self.of_form[trial.form] for trial in added]
         return np.stack(columns, axis=1) if columns else np.empty((len(self.part), 0))
 
     def rows(self, *parts: int) -> Bool[np.ndarray, " rows"]:
@@ -130,7 +121,7 @@ def trials_of(columns: CandidateColumns, added: Sequence[Trial]) -> list[Trial]:
             continue
         forms = []
         for form in candidate.forms:
-            extra = columns.column(candidate, form)
+            extra = columns.of_form[form]
             z = columns.score(model, effects, extra)
             if abs(z) < LEAST_Z_SCORE or (z < 0 and candidate.low >= 0):
                 forms.append(Trial(candidate, form, z, None, None, False))

@@ -38,7 +38,7 @@ def recalibrated(solver: Solver, data: Measured, fit: Fit) -> FitState:
     state.mean, state.theta, state.active = fit.state.mean.copy(), fit.state.theta.copy(), fit.state.active
     state.z, state.spread = state.mean[state.truck], fit.state.spread
     state.variance = fit.state.variance
-    state.holds_population = state.holds_variance = state.holds_theta = True
+    state.holds_shared = True
     solver.solve([state], iterations=15, tolerance=0.1)
     return state
 

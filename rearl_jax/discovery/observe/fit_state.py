@@ -42,10 +42,8 @@ class FitState:
         active: Terms that have been added; the search varies their elements of theta.
         variance: Common variance of the innovations, S_usual [m^2].
         freedom: Prior weight f of S_usual, as a number of innovations; inf if all drivers have the variance S_usual.
-        holds_population: Whether the mean is fixed and only drivers' parameters are searched; the spread is always
-            fixed.
-        holds_variance: Whether S_usual is fixed.
-        holds_theta: Whether theta is fixed.
+        holds_shared: Whether mean, theta and S_usual are fixed and only drivers' parameters are searched; the spread is
+            always fixed.
         sums: Sums at these parameters; None until they have been evaluated.
         objective: Objective that the search minimises, at these parameters [nats]; inf before the search begins.
     """
@@ -59,9 +57,7 @@ class FitState:
     active: tuple[Term, ...]
     variance: float
     freedom: float = VARIANCE_FREEDOM
-    holds_population: bool = False
-    holds_variance: bool = False
-    holds_theta: bool = False
+    holds_shared: bool = False
     sums: "DriverSums | None" = None
     objective: float = np.inf
 

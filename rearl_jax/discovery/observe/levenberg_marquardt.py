@@ -67,7 +67,7 @@ class LevenbergMarquardt:
         gram = state.sums.gram[:, :size, :size] * (steps[:, None] * steps) / state.variances[:, None, None]
         gradient = state.sums.gradient[:, :size] * steps / state.variances[:, None]
         precision, away = state.precision, state.away @ state.precision
-        n_mean = 0 if state.holds_population else CLASSES * n_own
+        n_mean = 0 if state.holds_shared else CLASSES * n_own
         n, n_shared = len(state.z), n_mean + len(free)
         own_block = with_prior(gram[:, own, own], precision)
         own_gradient = gradient[:, own] + away
@@ -116,7 +116,7 @@ class LevenbergMarquardt:
         """Accepts an evaluated point if it is better; a gain below `tolerance` [nats] ends the search."""
         state = self._state
         gained = trial.penalised() - state.penalised()
-        if state.holds_population and not len(self._free):
+        if state.holds_shared:
             self._judge_drivers(trial, gained, tolerance)
             return
         self._damping = np.where(
@@ -165,7 +165,7 @@ class LevenbergMarquardt:
 
 def adapt_variance(state: FitState) -> None:
     """Moves S_usual towards its most likely value, the harmonic mean of the drivers' variances."""
-    if not state.holds_variance:
+    if not state.holds_shared:
         for _ in range(VARIANCE_ITERATIONS):
             state.variance = float(1 / np.mean(1 / state.variances))
 

@@ -186,9 +186,9 @@ def _most_likely(solver: Solver, states: Sequence[FitState], noises: Sequence[No
     return states[best], noises[best]
 
 
-def noise_levels(noise: Noise, accelerations: Sequence[float]) -> list[Noise]:
-    """Noise with each of the accelerations [m/s^2] at every correlation time of TIMES; other values as given."""
-    return [replace(noise, acceleration=sd, time=time) for sd in accelerations for time in TIMES]
+def noise_levels(noise: Noise) -> list[Noise]:
+    """Noise with each of ACCELERATIONS at every correlation time of TIMES; other values as given."""
+    return [replace(noise, acceleration=sd, time=time) for sd in ACCELERATIONS for time in TIMES]
 
 
 def levels_up_to(noise: Noise) -> list[float]:
@@ -199,8 +199,8 @@ def levels_up_to(noise: Noise) -> list[float]:
 def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     """Joint calibration of drivers, population and noise, without candidates."""
     start = replace(USUAL, position=data.noise)
-    state = from_best_start(solver, new_state(data, solver.layout, start), iterations=8, tolerance=1.0)
-    noise, log_likelihood = best_noise(solver, state, noise_levels(start, ACCELERATIONS))
+    state = from_best_start(solver, new_state(data, solver.layout, start), iterations=8)
+    noise, log_likelihood = best_noise(solver, state, noise_levels(start))
     with_correlated_errors = [
         replace(noise, acceleration=sd, position=WHITE_SHARE * size, lasting=size, lasting_time=time)
         for time in POSITION_TIMES
@@ -213,7 +213,7 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     smooth = _with_smooth_errors(solver, state, replace(noise, position=data.noise), log_likelihood)
     if smooth is not None:
         state, noise = smooth
-    state, noise = under_best_time(solver, state, noise_levels(noise, ACCELERATIONS))
+    state, noise = under_best_time(solver, state, noise_levels(noise))
     state = with_spread(solver, state)
     noise = with_growth_and_independence(solver, state, noise)
     state = with_noise(state, noise)

@@ -14,7 +14,7 @@ from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
 from rearl_jax.discovery.observe.noise import NOISELESS, calibrate
 from rearl_jax.discovery.observe.solver import solver_of
-from rearl_jax.discovery.read.gate import Finding, amount, gate, smoothed_positions
+from rearl_jax.discovery.read.gate import Finding, gate, smoothed_positions
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.reading import EXACT_NOISE, measure, nobody_follows, one_frame_rate
 from rearl_jax.discovery.read.smoothing import thinned
@@ -77,7 +77,7 @@ def measured_drivers(
     same = options.same or (same if same in labels else None)
     measured_from = partial(
         measure,
-        position_lag=amount(findings, "position_lag"),
+        position_lag=next((finding.value for finding in findings if finding.name == "position_lag"), 0.0),
         labels=labels,
         identity_label=same,
         fused_errors=fused_errors,

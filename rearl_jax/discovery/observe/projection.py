@@ -71,7 +71,7 @@ class MeanProjection:
 
 def mean_projections(state: FitState, prior: Prior, own: OwnProjection) -> Iterator[MeanProjection]:
     """Projections of the means that are searched in a solved state, class by class; `prior` contains theirs."""
-    if state.holds_population:
+    if state.holds_shared:
         return
     precision, away, located = state.precision, state.away @ state.precision, prior.location_precision
     for c in range(CLASSES):

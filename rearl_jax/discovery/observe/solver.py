@@ -44,9 +44,7 @@ class Solver:
 
     def free(self, state: FitState) -> Int[np.ndarray, " free"]:
         """Indices of theta that are searched in a state."""
-        if state.holds_theta:
-            return np.empty(0, int)
-        return np.array(self.programs.free(state.active), int)
+        return np.array(() if state.holds_shared else self.programs.free(state.active), int)
 
     def solve(self, states: Sequence[FitState], *, iterations: int = 25, tolerance: float = 0.03) -> None:
         """Searches until the objective falls by less than `tolerance` [nats] or after some iterations.

@@ -19,18 +19,18 @@ there.
 """
 
 
-def from_best_start(solver: Solver, state: FitState, *, iterations: int, tolerance: float) -> FitState:
+def from_best_start(solver: Solver, state: FitState, *, iterations: int) -> FitState:
     """The state solved from two starts: as given, and with drivers who are quicker on a free road. Each driver goes on
-    from the start that made it more likely; other arguments as of `Solver.solve`.
+    from the start that made it more likely; `iterations` as of `Solver.solve`.
     """
     prior = solver.layout.prior
     quicker = np.isin(prior.names, OF_FREE_ROAD) * np.log(QUICKER) / prior.spread  # in standardised parameters
     states = [state, replaced(state, z=state.z + quicker, mean=state.mean + quicker)]
-    solver.solve(states, iterations=iterations, tolerance=tolerance)
+    solver.solve(states, iterations=iterations, tolerance=1.0)
     best = min(states, key=lambda solved: solved.objective)
     likelier = np.stack([solved.penalised() for solved in states]).argmax(axis=0)  # start of each driver
     if (likelier == likelier[0]).all() and states[likelier[0]] is best:
         return best
     mixed = replaced(best, z=np.stack([solved.z for solved in states])[likelier, np.arange(len(likelier))])
-    solver.solve([mixed], iterations=iterations, tolerance=tolerance)
+    solver.solve([mixed], iterations=iterations, tolerance=1.0)
     return min(best, mixed, key=lambda solved: solved.objective)

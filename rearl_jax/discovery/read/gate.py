@@ -39,11 +39,6 @@ class Finding:
     words: str
 
 
-def amount(findings: Sequence[Finding], name: str) -> float:
-    """Value of the finding with this name; 0 if there is none."""
-    return next((finding.value for finding in findings if finding.name == name), 0.0)
-
-
 def gate(tables: Sequence[Thinned]) -> list[Finding]:
     """Lags, scales and noise that the columns show."""
     noise = [position_noise(table["position"].to_numpy(), *track_bounds(table)) for table, _ in tables]

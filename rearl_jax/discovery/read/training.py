@@ -80,23 +80,13 @@ def begun_later(data: Measured, first: Int[np.ndarray, " pieces"]) -> Measured:
     return replace(data, surroundings=jax.tree.map(moved, data.surroundings), **of_steps)
 
 
-def left_out_runs(
-    data: Measured, identity: Int[np.ndarray, " drivers"], tested: Bool[np.ndarray, " drivers"]
-) -> list[Split]:
-    """Splits that leave out one fold of the runs of every person or car with several runs; the drivers of the splits
-    are these persons or cars.
-
-    Args:
-        data: Runs; each run counts as a separate driver.
-        identity: Identity of the person or car of each run, equal for all its runs; `UNKNOWN` if not known.
-        tested: Runs that are predicted; other runs are only used for training.
-
-    Returns:
-        Splits of the same drivers, one for each fold, which is its test; empty if no driver has two runs.
+def left_out_runs(data: Measured) -> list[Split]:
+    """Splits that leave out one fold of the runs of every person or car with several known runs: one split for each
+    fold, which is its test; empty if nobody has two runs. Each driver of `data` is a run, those of the splits are the
+    persons or cars.
     """
-    runs = np.bincount(identity[identity != UNKNOWN], minlength=1)
-    tests = np.bincount(identity[(identity != UNKNOWN) & tested], minlength=len(runs))
-    several = np.flatnonzero((runs > 1) & (tests > 0))
+    identity = data.identity_of_driver
+    several = np.flatnonzero(np.bincount(identity[identity != UNKNOWN], minlength=1) > 1)
     if not len(several):
         return []
     pieces = np.flatnonzero(np.isin(identity, several)[data.driver])
@@ -107,15 +97,10 @@ def left_out_runs(
     return [
         Split(
             replace(chosen, weight=chosen.weight * (fold != left_out)),
-            replace(chosen, weight=chosen.weight * ((fold == left_out) & tested[run])),
+            replace(chosen, weight=chosen.weight * (fold == left_out)),
         )
         for left_out in range(fold.max() + 1)
     ]
-
-
-def every_run(data: Measured) -> list[Split]:
-    """The splits of `left_out_runs` in which every run of drivers with several known runs is predicted."""
-    return left_out_runs(data, data.identity_of_driver, np.ones(data.n_drivers, bool))
 
 
 def _folds(data: Measured, identity: Int[np.ndarray, " drivers"], several: np.ndarray) -> Int[np.ndarray, " drivers"]:

@@ -16,7 +16,7 @@ from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.response_time import Responses, responses
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.read.training import every_run
+from rearl_jax.discovery.read.training import left_out_runs
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, ProtocolErrors, protocol_errors
 from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation, energy_scores
 from rearl_jax.discovery.search.simulated_drives import behind_noisy_drive, position_errors
@@ -73,7 +73,7 @@ def model_errors(
     state = recalibrated(solver, data, fit)
     calibrated = calibrated_to_gap(solver, state)
     in_sample_error, uncalibrated_error = (simulated_error(solver, each) for each in (calibrated, state))
-    protocols = protocol_errors(solver, state, fit, in_sample_error, every_run(data), variation)
+    protocols = protocol_errors(solver, state, fit, in_sample_error, left_out_runs(data), variation)
     in_sample = protocols[IN_SAMPLE]
     assert in_sample is not None
     (innovation,) = solver.innovations([state])

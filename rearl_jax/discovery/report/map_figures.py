@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rearl_jax.discovery.search.atlas import Atlas
-from rearl_jax.discovery.search.maps import Curve, ranked
+from rearl_jax.discovery.search.maps import Curve
 from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, VERMILION, panels, png, set_title
 
 MOST_MAPS = 6
@@ -28,7 +28,7 @@ def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, 
     """
     best = shown_maps(atlases)
     n_rows = -(-len(best) // COLUMNS)
-    figure, axes = _grid(7.2, 2.2 * n_rows + 0.7, n_rows, COLUMNS, generated=generated)
+    figure, axes = _grid(2.2 * n_rows + 0.7, n_rows, COLUMNS, generated=generated)
     reach = max(LEAST_REACH, *(np.abs(curve.value).max() for curve in best)) * 1.15
     for panel, curve in zip(axes, best, strict=False):  # the last row may have more panels than maps
         _draw(panel, curve, VERMILION, "before")
@@ -56,13 +56,16 @@ def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, 
 
 
 def shown_maps(atlases: Mapping[str, Atlas]) -> list[Curve]:
-    """The maps with the largest gains before any effect was added; first those of variables that sparse regression
-    selects in at least half of the halves of the drivers.
+    """The maps with the largest gains on held-out drivers before any effect was added; first those of variables that
+    sparse regression selects in at least half of the halves of the drivers.
     """
     atlas = atlases["before"]
     often_selected = [selection.variable for selection in atlas.selected if selection.frequency >= 0.5]
-    order = sorted(ranked(atlas.curves), key=lambda curve: curve.basis.variable.name not in often_selected)
-    return order[:MOST_MAPS]
+
+    def place(curve: Curve) -> tuple[bool, float]:
+        return curve.basis.variable.name not in often_selected, -curve.gain
+
+    return sorted(atlas.curves.values(), key=place)[:MOST_MAPS]
 
 
 def _draw(panel: Axes, curve: Curve, colour: str, label: str) -> None:
@@ -74,7 +77,7 @@ def _draw(panel: Axes, curve: Curve, colour: str, label: str) -> None:
 def draw_planes(atlases: Mapping[str, Atlas], *, generated: bool) -> bytes:
     """PNG of the planes: before in the upper row, after in the lower row."""
     pairs = list(atlases["before"].planes)
-    figure, axes = _grid(7.2, 2.9 * len(atlases), len(atlases), len(pairs), generated=generated)
+    figure, axes = _grid(2.9 * len(atlases), len(atlases), len(pairs), generated=generated)
     planes = [(model, atlas.planes[pair]) for model, atlas in atlases.items() for pair in pairs]
     sizes = [np.nanmax(np.abs(plane.value)) for _, plane in planes if np.isfinite(plane.value).any()]
     reach = max([LEAST_REACH, *sizes])
@@ -93,9 +96,9 @@ def draw_planes(atlases: Mapping[str, Atlas], *, generated: bool) -> bytes:
     return png(figure)
 
 
-def _grid(width: float, height: float, rows: int, columns: int, *, generated: bool) -> tuple[Figure, list[Axes]]:
-    """A figure with panels on separate horizontal scales; width and height in inches."""
-    figure, (whole_area,) = panels(width, height, generated=generated)
+def _grid(height: float, rows: int, columns: int, *, generated: bool) -> tuple[Figure, list[Axes]]:
+    """A figure with panels on separate horizontal scales; height in inches."""
+    figure, (whole_area,) = panels(7.2, height, generated=generated)
     whole_area.remove()
     axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
     for panel in axes:

@@ -31,7 +31,7 @@ from rearl_jax.discovery.search.maps import (
     fitted,
     plane_of,
 )
-from rearl_jax.discovery.search.shapes import shape_of, shape_words
+from rearl_jax.discovery.search.shapes import shape_words
 from rearl_jax.discovery.search.variables import Variable, variables_of
 
 PLANES = (("gap", "approach_rate"), ("position", "time"))
@@ -144,7 +144,7 @@ def atlas_of(
             group.acts_on: (curves.of(group.columns), curves_on_acceleration.of(group.columns)) for group in of_variable
         }
         maps[name] = curve_of(basis, pairs, confidence, draws, seed)
-        shapes[name] = shape_words(maps[name], shape_of(maps[name], pairs["acceleration"][0]))
+        shapes[name] = shape_words(maps[name], pairs["acceleration"][0])
     variables = {basis.variable.name: basis.variable for basis in grid.bases}
     planes = {}
     for pair in PLANES:

@@ -180,17 +180,12 @@ def is_everywhere(trial: Trial) -> bool:
     return bool(values["start"] <= positions.min() and values["end"] >= positions.max())
 
 
-def ranked(trials: list[Trial]) -> list[Trial]:
-    """Supported candidates (see `Trial.holds`), the best first."""
-    return sorted((trial for trial in trials if trial.holds), key=lambda trial: -trial.total)
-
-
 def believed(trials: list[Trial]) -> list[Trial]:
-    """Supported candidates, the best first. If there are any, unsupported candidates that are clearly better (see
-    `Trial.beats`) precede them: they are the better explanation, even if their gain on the fitted drivers hardly
-    exceeds the complexity penalty.
+    """Supported candidates (see `Trial.holds`), the best first. If there are any, unsupported candidates that are
+    clearly better (see `Trial.beats`) precede them: they are the better explanation, even if their gain on the fitted
+    drivers hardly exceeds the complexity penalty.
     """
-    accepted = ranked(trials)
+    accepted = sorted((trial for trial in trials if trial.holds), key=lambda trial: -trial.total)
     better = [trial for trial in trials if accepted and trial.gain > 0 and trial.beats(accepted[0])]
     return sorted(better, key=lambda trial: -trial.total) + accepted
 

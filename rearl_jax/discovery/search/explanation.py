@@ -1,4 +1,4 @@
-"""Tests whether a search explains the drivers, and whether another model explains them by named effects alone."""
+"""Tests whether a search explains the drivers, and whether one with another model predicts them better."""
 
 from dataclasses import dataclass
 
@@ -55,11 +55,3 @@ def predicts_better(before: Prediction, after: Prediction, seed: int) -> bool:
     worse = share_worse(before.gap_error, after.gap_error, THRESHOLDS.borne_growth, seed)
     share_better = (resampled_means(gains + simulated, seed) > 0).mean()
     return bool(share_better >= THRESHOLDS.base_confidence and worse < THRESHOLDS.rejection_share)
-
-
-def names_more(before: Prediction, named: Search, adequacy: Adequacy, after: Prediction, seed: int) -> bool:
-    """True if a search with another model (`named`, with its predictions `after`) explains the drivers by named effects
-    of drivers or roads alone, at least one, and predicts better than the first search (`before`). An artefact of the
-    recording that appears with the other model only is evidence against that model.
-    """
-    return named.is_named and is_explained(named, adequacy) and predicts_better(before, after, seed)

@@ -209,8 +209,3 @@ def plane_of(
     values = values - values @ share
     value = np.where(share > LEAST_SHARE, values, np.nan).reshape(CELLS, CELLS)
     return Plane(variables[0], variables[1], edges[0], edges[1], value)
-
-
-def ranked(curves: Mapping[str, Curve]) -> list[Curve]:
-    """The maps, that with the largest gain on held-out drivers first."""
-    return sorted(curves.values(), key=lambda curve: -curve.gain)

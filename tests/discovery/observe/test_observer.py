@@ -9,14 +9,7 @@ from scipy.linalg import solve_discrete_are
 from rearl_jax.discovery.observe.candidates import LENS, Term
 from rearl_jax.discovery.observe.fit_state import replaced
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, STIFFNESS, Gain, Noise, steady_state
-from rearl_jax.discovery.observe.noise import (
-    ACCELERATIONS,
-    TIMES,
-    best_noise,
-    noise_levels,
-    spread_of,
-    under_best_noise,
-)
+from rearl_jax.discovery.observe.noise import ACCELERATIONS, TIMES, best_noise, spread_of, under_best_noise
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.fused_errors import FusedErrors
 from rearl_jax.discovery.search.simulated_drives import driver_noise, simulate_again
@@ -117,7 +110,8 @@ def test_derivatives_are_those_of_finite_differences(solver, calibrated, name):
 def test_the_most_likely_noise_is_found_from_any_level(solver, calibrated, begin, levels):
     state, noise = calibrated
     _, found = under_best_noise(solver, state, replace(noise, acceleration=begin, time=TIMES[1]), levels, iterations=0)
-    likeliest, _ = best_noise(solver, state, noise_levels(noise, levels))
+    tried = [replace(noise, acceleration=sd, time=time) for sd in levels for time in TIMES]
+    likeliest, _ = best_noise(solver, state, tried)
     assert found == likeliest
 
 

@@ -24,7 +24,7 @@ from rearl_jax.discovery.report.protocols import speed_deviation
 from rearl_jax.discovery.search.atlas import grid_of, part_scores
 from rearl_jax.discovery.search.finder import Group, forward_selection, stability_selection
 from rearl_jax.discovery.search.maps import curve_of
-from rearl_jax.discovery.search.shapes import shape_of, shape_words
+from rearl_jax.discovery.search.shapes import shape_words
 from rearl_jax.discovery.search.simulated_drives import driver_noise, position_errors
 from rearl_jax.discovery.search.variables import variables_of
 
@@ -103,7 +103,7 @@ def test_map_shows_the_planted_dependence_with_its_size(planted):
     assert curve.gain > 10
     assert curve.share > 0.2
     assert (curve.low <= curve.high).all()
-    assert shape_words(curve, shape_of(curve, pair[0])).startswith("rises")
+    assert shape_words(curve, pair[0]).startswith("rises")
 
 
 def test_finder_selects_the_planted_variable_and_none_beside_it(planted):

@@ -45,7 +45,7 @@ def test_drivers_leave_the_start_in_which_they_never_respond_to_their_leader(gen
     start.z = start.mean[start.truck]
     alone = replaced(start)
     solver.solve([alone], iterations=10, tolerance=1.0)
-    found = from_best_start(solver, start, iterations=10, tolerance=1.0)
+    found = from_best_start(solver, start, iterations=10)
     place = prior.names.index("time_gap")
     errors = [np.abs(state.z - true.z)[:, place].max() for state in (alone, found)]
     assert errors[0] > 1.0  # one start is not enough

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.discovery.observe.candidates import Term
-from rearl_jax.discovery.observe.fit_state import CLASSES, DriverSums, replaced, with_prior
+from rearl_jax.discovery.observe.fit_state import CLASSES, replaced, with_prior
 from rearl_jax.discovery.observe.uncertainty import covariance
 
 
@@ -47,37 +47,33 @@ def joint_information(state, located):
 
 def covariance_of_theta(solver, state):
     """Covariance of the searched elements of theta, from the information on all parameters together."""
-    free, n_own = solver.free(state), state.z.shape[1]
+    free = solver.free(state)
     joint = joint_information(state, solver.layout.prior.location_precision)
     joint[-len(free) :, -len(free) :] += np.diag(solver.layout.scale[free] ** -2.0)
-    if state.holds_population:
-        means = slice(state.z.size, state.z.size + CLASSES * n_own)
-        joint = np.delete(np.delete(joint, means, axis=0), means, axis=1)
     return np.linalg.inv(joint)[-len(free) :, -len(free) :]
 
 
-@pytest.mark.parametrize("holds_population", [False, True])
-def test_deviations_are_those_of_all_parameters_together(solver, fitted, holds_population):
-    state = replace(fitted, holds_population=holds_population)
-    expected = np.sqrt(np.diag(covariance_of_theta(solver, state)))
+def test_deviations_are_those_of_all_parameters_together(solver, fitted):
+    expected = np.sqrt(np.diag(covariance_of_theta(solver, fitted)))
     assert (expected > 0.0).all()
     # Equal drivers have equal scores, so that only the curvature is left.
-    level = replaced(state, z=state.mean[state.truck])
-    level.sums = DriverSums(state.sums.square, np.zeros_like(state.sums.gradient), state.sums.gram, state.sums.count)
+    level = replaced(fitted, z=fitted.mean[fitted.truck])
+    level.sums = replace(fitted.sums, gradient=np.zeros_like(fitted.sums.gradient))
     np.testing.assert_allclose(standard_deviations(solver, level), expected, rtol=1e-6)
-    np.testing.assert_allclose(covariance(solver, level), covariance_of_theta(solver, state), rtol=1e-5, atol=1e-12)
+    np.testing.assert_allclose(covariance(solver, level), covariance_of_theta(solver, fitted), rtol=1e-5, atol=1e-12)
 
 
-def test_the_means_of_the_population_cost_information(solver, fitted):
-    held = standard_deviations(solver, replace(fitted, holds_population=True))
-    assert (standard_deviations(solver, fitted) > held).any()
+def test_nothing_shared_is_free_once_it_is_held(solver, fitted):
+    held = replace(fitted, holds_shared=True)
+    assert len(solver.free(fitted)) > 0 == len(solver.free(held))
+    assert covariance(solver, held).size == 0
 
 
 def test_the_scatter_of_few_drivers_is_not_multiplied_by_the_number_of_parameters(solver, fitted):
-    state = replace(replaced(fitted, z=fitted.mean[fitted.truck]), holds_population=True)
+    state = replaced(fitted, z=fitted.mean[fitted.truck])
     n_drivers, n_own = state.z.shape
     gradient = np.zeros_like(fitted.sums.gradient)
-    state.sums = DriverSums(fitted.sums.square, gradient, fitted.sums.gram, fitted.sums.count)
+    state.sums = replace(fitted.sums, gradient=gradient)
     own_scores = 1e4 * np.random.default_rng(0).normal(size=n_drivers)
     gradient[:, n_own] = own_scores * state.variances  # of the first element of theta, the others do not vary
     found = standard_deviations(solver, state)

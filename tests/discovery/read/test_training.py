@@ -70,10 +70,8 @@ def test_every_run_is_left_out_once_and_only_the_others_train_for_it(data):
     same = np.arange(data.n_drivers) // 3
     same[:3] = UNKNOWN
     same[3] = 100  # one run alone
-    tested = np.ones(data.n_drivers, bool)
-    tested[6] = False
-    splits = left_out_runs(data, same, tested)
-    chosen = np.flatnonzero(same == 1).tolist() + np.flatnonzero((same > 1) & (same < 100)).tolist()
+    splits = left_out_runs(replace(data, identity=same[data.driver]))
+    chosen = np.flatnonzero((same > 0) & (same < 100))
     pieces = np.flatnonzero(np.isin(data.driver, chosen))
     weight, total = data.weight[:, pieces], np.zeros_like(data.weight[:, pieces])
     assert splits[0].test.n_drivers == len(np.unique(same[chosen]))
@@ -84,11 +82,11 @@ def test_every_run_is_left_out_once_and_only_the_others_train_for_it(data):
             runs = (split.test.weight[:, own] > 0).any(axis=0)
             assert runs.sum() <= 1
         total += split.test.weight
-    np.testing.assert_array_equal(total, weight * tested[data.driver[pieces]])
+    np.testing.assert_array_equal(total, weight)
 
 
 def test_many_runs_are_left_out_in_a_few_parts_in_order_of_time(data):
-    splits = left_out_runs(data, np.zeros(data.n_drivers, int), np.ones(data.n_drivers, bool))
+    splits = left_out_runs(replace(data, identity=np.zeros(len(data.driver), int)))
     assert data.n_drivers > 2 * MOST_FOLDS
     assert len(splits) == MOST_FOLDS
     parts = [np.flatnonzero((split.test.weight > 0).any(axis=0)) for split in splits]
@@ -96,6 +94,5 @@ def test_many_runs_are_left_out_in_a_few_parts_in_order_of_time(data):
 
 
 def test_there_is_nothing_to_leave_out_where_nobody_has_two_runs(data):
-    everybody = np.ones(data.n_drivers, bool)
-    assert left_out_runs(data, np.arange(data.n_drivers), everybody) == []
-    assert left_out_runs(data, np.full(data.n_drivers, UNKNOWN), everybody) == []
+    for identity in (data.driver, np.full(len(data.driver), UNKNOWN)):
+        assert left_out_runs(replace(data, identity=identity)) == []

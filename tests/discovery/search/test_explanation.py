@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rearl_jax.discovery.search.explanation import Prediction, is_explained, names_more, prediction_of
+from rearl_jax.discovery.search.explanation import Prediction, is_explained, predicts_better
 from tests.discovery.search.searches import ADEQUATE, search_that_added
 
 DELAY = ("reaction_delay", [0.4, 0.0])
 CURVE = ("dependence.speed", 0.1)
-
 
 INADEQUATE = replace(ADEQUATE, autocorrelation=0.5)
 
@@ -42,25 +41,20 @@ def test_a_curve_a_doubt_or_what_was_taken_back_accounts_for_nothing(solver, cal
 @pytest.mark.parametrize(
     ("gain", "error", "expected"), [(99.0, 0.9, True), (-99.0, 0.9, False), (99.0, 1.005, True), (99.0, 1.1, False)]
 )
-def test_names_are_preferred_where_they_predict_as_well(solver, calibrated, gain, error, expected):
-    named, data = search_that_added(solver, calibrated, DELAY), calibrated[0].data
+def test_another_model_is_preferred_where_it_surely_predicts_better(calibrated, gain, error, expected):
+    data = calibrated[0].data
     n = data.n_drivers
     before, after = Prediction(np.zeros(n), np.ones(n), data), Prediction(np.full(n, gain / n), np.full(n, error), data)
-    assert names_more(before, named, ADEQUATE, after, 0) is expected
-    assert not names_more(before, named, INADEQUATE, after, 0)
-    turn = named.rounds[0]
-    artefact = replace(turn.accepted[0], candidate=replace(turn.accepted[0].candidate, kind="artefact"))
-    distorted = replace(named, rounds=[replace(turn, accepted=[artefact]), *named.rounds[1:]])
-    assert not names_more(before, distorted, ADEQUATE, after, 0)
+    assert predicts_better(before, after, 0) is expected
     uneven = np.where(np.arange(n) == 0, 1.5 * n, -1.0) * np.sign(gain)
     assert (uneven.sum() > 0) == (gain > 0)
     unsure = replace(after, log_likelihood=uneven, gap_error=np.ones(n))
-    assert not names_more(before, named, ADEQUATE, unsure, 0), "one driver decides"
+    assert not predicts_better(before, unsure, 0), "one driver decides"
 
 
-def test_another_search_without_names_is_not_preferred(solver, calibrated):
-    curve, nothing = search_that_added(solver, calibrated, CURVE), search_that_added(solver, calibrated)
-    before, after = prediction_of(solver, nothing), prediction_of(solver, curve)
-    better = replace(after, gap_error=0.5 * before.gap_error)
-    for found in (nothing, curve):
-        assert not names_more(before, found, ADEQUATE, better, 0)
+def test_a_search_is_named_by_effects_of_drivers_or_roads_alone(solver, calibrated):
+    named, curve, nothing = (search_that_added(solver, calibrated, *added) for added in ((DELAY,), (CURVE,), ()))
+    turn = named.rounds[0]
+    artefact = replace(turn.accepted[0], candidate=replace(turn.accepted[0].candidate, kind="artefact"))
+    distorted = replace(named, rounds=[replace(turn, accepted=[artefact]), *named.rounds[1:]])
+    assert [found.is_named for found in (named, curve, nothing, distorted)] == [True, False, False, False]

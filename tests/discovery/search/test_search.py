@@ -134,7 +134,7 @@ def test_others_must_agree(trial):
     assert not trial("little in all", [1.0] * 10, [0.7] * 10).holds
     assert trial("a little more", [1.0] * 10, [0.9] * 10).holds
     close = trial("e", [1.9] * 10, [2.0] * 10)
-    best = decision.ranked([trial("f", [0.1] * 10, [0.1] * 10), close, broad])
+    best = decision.believed([trial("f", [0.1] * 10, [0.1] * 10), close, broad])
     assert [one.candidate.term.effect for one in best] == ["b", "e"]
     assert [one.candidate.term.effect for one in decision.indistinguishable(best)] == ["b", "e"]
 
