@@ -1,7 +1,8 @@
 """Configuration records as a flat list of keys, with type and meaning.
 
 From a task's dataclass (standard library only) this module derives the keys by full name, the nearest key to a misspelt
-one, and finished records, with the declared tuples instead of lists, that have passed their own `check`.
+one, and finished records, with the declared tuples instead of lists. A record's own method `check`, if there is one,
+raises InvalidInputError for a value outside its range; `finished` calls it.
 """
 
 import difflib
@@ -210,9 +211,8 @@ def finished(record: Record, prefix: str = "") -> Record:
             changed[item.name] = finished(value, f"{prefix}{item.name}.")
         elif isinstance(value, (list, tuple)):
             changed[item.name] = _tuple_of(value, hints[item.name], prefix + item.name)
-        elif value is not None and _is_tuple(
-            hints[item.name]
-        ):  # for example from ${oc.env:NAME}, which OmegaConf does not convert
+        elif value is not None and _is_tuple(hints[item.name]):
+            # For example from ${oc.env:NAME}, which OmegaConf does not convert.
             raise _wrong_type(prefix + item.name, type_name(hints[item.name]), repr(value))
         parts = value if isinstance(value, (list, tuple)) else (value,)
         if any(isinstance(part, float) and math.isnan(part) for part in parts):

@@ -55,7 +55,6 @@ class BlindConfig:
     keep_data: bool = key(False, "keep the generated recordings in the folder of the study")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         if self.seed is not None and not 0 <= self.seed < 2**32:
             raise out_of_range("seed", f"must be within 0 and {2**32 - 1} or null", self.seed)
         check_least(self, 1, "first", "n_sets")

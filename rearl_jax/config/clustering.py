@@ -94,7 +94,6 @@ class KlConfig:
     seed: int = key(0, "seed of the samples")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 1, "k", "iterations", "ball_steps", "members")
         if self.l < 2:
             raise out_of_range("l", "must be at least 2 (a centre has a start and an end)", self.l)
@@ -124,7 +123,6 @@ class ClusterConfig:
     seed: int = key(0, "seed of k-means and t-SNE")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 1, "n_clusters", "n_init")
         check_within(self, 0, 2**32 - 1, "seed")
 
@@ -148,7 +146,6 @@ class BoConfig:
     seed: int = key(0, "seed of the sample of tracks and of the search")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         for name, least in (("k", 2), ("l", 2), ("iterations", 1)):
             values = getattr(self, name)
             if not values or min(values) < least or len(set(values)) != len(values):

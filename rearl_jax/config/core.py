@@ -47,7 +47,6 @@ class CoreConfig:
         return 4 if self.n_lanes is None else self.n_lanes
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_within(self, 1, MOST_LANES, "n_lanes")
         check_least(self, 1, "n_vehicles", "ticks_per_second", "chunk")
         check_positive(self, "density")

@@ -41,7 +41,6 @@ class CriticalConfig:
     )
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 1, "rounds", "rollouts", "attempts", "max_tokens")
         check_least(self, 0, "history")
         if self.ratios is not None and (problem := shares_problem(self.ratios)):

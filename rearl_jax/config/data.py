@@ -107,7 +107,6 @@ class DataConfig:
     )
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value out of range."""
         if not self.root and not self.format.shipped:
             name = self.format.name
             message = f"must name the folder of the recordings for data.format={name}"

@@ -88,7 +88,6 @@ class ExecConfig:
     hold: int = key(1, "duration of an action unless a newer one follows [s]; REARL: one step")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 1, "hold")
 
 
@@ -108,7 +107,6 @@ class AdmissibleConfig:
     decel_slower: float = key(4.0, "largest IDM deceleration behind the leader at which slower is admissible [m/s^2]")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 0, "min_gap", "min_time_gap", "decel_faster", "decel_keep", "decel_slower")
 
 
@@ -125,6 +123,5 @@ class MatcherConfig:
     )
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 0, "value_weight", "lane_change_pause")
         check_finite(self, "value_weight")

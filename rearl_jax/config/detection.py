@@ -63,7 +63,6 @@ class DetectionConfig:
     scope: Scope = key(Scope.scene, "vehicles that need a decision: scene = all, vehicle = those that contribute")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 0, "threshold_h", "threshold_m")
         check_within(self, 0, 100, "h_pct", "m_pct")
         check_least(self, 1, "interval")
@@ -81,7 +80,6 @@ class ReferenceConfig:
     weights: tuple[float, float] = key((1.0, 1.0), "weights of spacing error and Hellinger distance for spacing_speed")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         if min(self.weights) < 0 or sum(self.weights) == 0:
             raise out_of_range("weights", "must be >= 0 and not both 0", self.weights)
         check_finite(self, "weights")

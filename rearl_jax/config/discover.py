@@ -59,7 +59,6 @@ class DiscoverConfig:
     )
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 0, "seed")
         check_least(self, 2, "replicates")
         if self.max_drivers < 9:

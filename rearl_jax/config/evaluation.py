@@ -86,7 +86,6 @@ class EvaluationConfig:
     example: int | None = key(None, "scene_id of the space-time diagram; null = the held-out scene of median speed")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 1, "n_runs", "resamples", "noise_draws")
         check_within(self, 0, 2**31 - 1, "seed")
         if not 0 < self.confidence < 1:

@@ -38,7 +38,6 @@ class ExportConfig:
     seconds: int = key(60, "simulated time of the comparison [s]; as a scene of REARL (Bi et al.)")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 1, "n_types", "n_leaders", "n_followers", "seconds")
         check_within(self, 0, 2**31 - 4, "seed")  # the comparison also uses seed + 1 and seed + 2
 
@@ -55,7 +54,6 @@ class SumoFileConfig:
     )
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_positive(self, "speed_limit")
         check_finite(self, "speed_limit")
 

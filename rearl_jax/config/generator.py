@@ -78,7 +78,6 @@ class GeneratorConfig:
     )
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value out of range."""
         check_least(self, 1, "n_recordings", "frames_per_step")
         for name in ("seed", "workers", "position_noise", "acceleration_noise", "lane_change_rate"):
             if not 0 <= getattr(self, name) < math.inf:

@@ -79,7 +79,6 @@ class LlmConfig:
     cache: str = key("", "SQLite file of the answers, on a local disk; empty = answers.sqlite in the cache folder")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         if self.votes not in (1, 3):
             raise out_of_range("votes", "must be 1 or 3", self.votes)
         check_least(self, 1, "max_tokens", "max_in_flight", "tries", "breaker_failures")

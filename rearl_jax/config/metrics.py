@@ -49,7 +49,6 @@ class HistConfig:
     oob: OutOfBounds = key(OutOfBounds.clip, "speeds outside the range: clip (into the outer bins) or drop")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         if not self.high > self.low:
             raise out_of_range("high", f"must exceed low ({self.low})", self.high)
         check_finite(self, "low", "high")
@@ -80,7 +79,6 @@ class ThwConfig:
     v_min: float = key(1.0, "smallest speed of a follower [m/s], which keeps the ratio finite")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         if not self.v_min > 0:
             raise out_of_range("v_min", "must be > 0 m/s (a headway divides by the speed)", self.v_min)
 
@@ -94,7 +92,6 @@ class SafetyConfig:
     jerk: float = key(2.5, "magnitude of a large jerk, mean over 1 s [m/s^3]; ISO 15622:2018, limit above 20 m/s")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_positive(self, "ttc", "drac", "jerk")
 
 
@@ -108,7 +105,6 @@ class FeatureConfig:
     weight: float = key(0.0, "weight before normalisation over the features used [-]")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         if not self.high > self.low:
             raise out_of_range("high", f"must exceed low ({self.low})", self.high)
         check_finite(self, "low", "high", "weight")
@@ -147,7 +143,6 @@ class RealismConfig:
     collision_pseudocount: float = key(0.001, "additive smoothing of the collision indicator; same source")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         for name in ("pseudocount", "collision_pseudocount"):
             if not getattr(self, name) > 0:
                 raise out_of_range(name, "must be > 0 (an empty bin needs a probability)", getattr(self, name))
@@ -171,5 +166,4 @@ class MetricsConfig:
     frame_interval: float = key(1.0, "time between two frames [s]; REARL")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_positive(self, "frame_interval")

@@ -32,7 +32,6 @@ class MobilConfig:
         return self == MobilConfig()
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its bounds."""
         for name, (low, high) in BOUNDS.items():
             if not low <= getattr(self, name) <= high:
                 raise out_of_range(name, f"must be within {low:g} and {high:g}", getattr(self, name))

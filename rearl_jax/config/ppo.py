@@ -50,7 +50,6 @@ class PpoConfig:
         return self.scenarios * self.horizon * n_vehicles
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 1, "scenarios", "horizon", "epochs", "minibatch", "width", "layers", "checkpoint_every")
         if not 1 <= self.car_steps < math.inf:
             raise out_of_range("car_steps", "must be at least 1 and finite", self.car_steps)

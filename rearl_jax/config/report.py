@@ -22,7 +22,6 @@ class ReportConfig:
     run: int = key(0, "number of the replayed run, from 0")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_within(self, 1, 20, "n_scenes")
         check_least(self, 0, "run")
         if self.scenes is not None and (not self.scenes or len(set(self.scenes)) != len(self.scenes)):

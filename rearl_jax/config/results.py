@@ -13,7 +13,6 @@ class FolderConfig:
     root: str = key("results", "folder of all studies, relative to the current folder")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         if not self.root:
             raise out_of_range("root", "must name a folder, or be . for the current one", repr(self.root))
 

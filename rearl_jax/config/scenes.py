@@ -105,7 +105,6 @@ class ScenesConfig:
         return float(self.seconds if self.stride is None else self.stride)
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 2, "seconds")
         if self.slots < 2:
             raise out_of_range("slots", "must be at least 2 (a spacing needs two vehicles)", self.slots)
@@ -141,7 +140,6 @@ class TracksConfig:
     points: int = key(64, "points of a track's feature curve, evenly spaced in time")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 2, "min_frames", "points")
 
 
@@ -180,7 +178,6 @@ class SplitConfig:
     )
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 0, "seed")
         check_positive(self, "block_seconds")
         check_least(self, 1, "threshold", "tuning", "evaluation")

@@ -31,7 +31,6 @@ class Table1Config:
     )
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         check_least(self, 1, "llm_interval", "llm_runs")
         if self.rows is not None and (not self.rows or len(set(self.rows)) != len(self.rows)):
             raise out_of_range("rows", "must name each row once", f"[{', '.join(self.rows)}]")
@@ -48,7 +47,6 @@ class Table4Config:
     llm_repetitions: int = key(1, "measurements with a language model, after a warm-up")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         if not self.llm_batches or min(self.llm_batches) < 1 or len(set(self.llm_batches)) != len(self.llm_batches):
             raise out_of_range("llm_batches", "must be different positive numbers", list(self.llm_batches))
         check_least(self, 1, "llm_repetitions")
@@ -69,7 +67,6 @@ class StepsConfig:
     steps_repetitions: int = key(20, "measurements of these steps")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         if self.steps_batches:
             check_rising(self, "steps_batches")
         check_least(self, 1, "n_references", "steps", "steps_repetitions")

@@ -61,7 +61,6 @@ class ValidationConfig:
     least_crashes: int = key(500, "smallest number of crashed vehicles")
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its range."""
         if not 0 < self.share <= 1:
             raise out_of_range("share", "must be within 0 (excluded) and 1", self.share)
         check_least(self, 1, "seconds", "workers")

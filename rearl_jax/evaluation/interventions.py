@@ -13,8 +13,6 @@ from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.evaluation.extras import Extra, Figures
 from rearl_jax.evaluation.scores import title_of
 
-_SECONDS_PER_MINUTE = 60
-
 
 @dataclass(frozen=True)
 class DecisionLog:
@@ -115,7 +113,7 @@ def intervention_rates(log: DecisionLog, n_vehicles: int) -> Figures:
     """
     decisions = log.decisions
     accepted = int(np.sum(decisions.n_accepted, dtype=np.int64))
-    vehicle_minutes = decisions.triggered.size * n_vehicles / _SECONDS_PER_MINUTE
+    vehicle_minutes = decisions.triggered.size * n_vehicles / 60
     return intervention_figures(log) | {
         "triggered_seconds": int(np.sum(decisions.triggered, dtype=np.int64)),
         "interventions": accepted,

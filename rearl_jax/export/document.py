@@ -19,7 +19,9 @@ def document_of(
     """The document of an export: figures of summary.json, tables by name, `path` of the file for the other program."""
     program = PROGRAMS[summary["target"]]
     translations = tables["said"]
-    sections = [_parts_section(translations, program)]
+    columns = {"what": "part of the model", "where": f"in {program}", "remark": "remark"}
+    parts = table_of(f"Parts of the model in {program}", translations, columns)
+    sections = [Section("Parts of the model", tables=(parts,))]
     verdict = (
         f"{summary['n_types']} drivers for {program} in {path}; "
         f"{summary['n_unsaid']} of {len(translations)} parts have no counterpart"
@@ -31,11 +33,6 @@ def document_of(
             f"{summary['difference_largest']:.2f} m at most"
         )
     return Document(f"Export to {program}", f"{verdict}.", tuple(sections), "export", generated=generated)
-
-
-def _parts_section(translations: pd.DataFrame, program: str) -> Section:
-    columns = {"what": "part of the model", "where": f"in {program}", "remark": "remark"}
-    return Section("Parts of the model", tables=(table_of(f"Parts of the model in {program}", translations, columns),))
 
 
 def _comparison(config: ExportTask, tables: Mapping[str, pd.DataFrame]) -> Section:

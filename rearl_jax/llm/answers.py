@@ -172,10 +172,8 @@ class Answers:
         database.execute("COMMIT")
 
     def _unreadable(self, error: Exception) -> InvalidInputError:
-        message, remedy = (
-            f"this is not a readable file of answers ({error})",
-            "remove it, or name another with llm.cache",
-        )
+        message = f"this is not a readable file of answers ({error})"
+        remedy = "remove it, or name another with llm.cache"
         return InvalidInputError(Problem("answers-unreadable", message, remedy, file=str(self._path)))
 
 

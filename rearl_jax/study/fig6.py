@@ -5,7 +5,6 @@ The rows are those of Table 1. Writes `fig6.parquet` (one line per row, second a
 """
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -64,6 +63,12 @@ def run(config: StudyFig6Task) -> dict:
     summary: dict[str, Any] = {"n_rows": len(results.rows), "n_scenes": results.n_scenes}
     for row, metric, ours in zip(parts["row"], parts["metric"], parts["ours"], strict=True):
         summary[f"{row}_{metric}"] = None if pd.isna(ours) else ours
+
+    def draw() -> dict[str, bytes]:
+        from rearl_jax.study.fig6_figure import draw_series
+
+        return {"fig6": draw_series(series, metrics, generated=inputs.scenes.generated)}
+
     publish(
         study,
         FORM,
@@ -72,16 +77,10 @@ def run(config: StudyFig6Task) -> dict:
         table,
         summary,
         remarks_on_rows(config, results, inputs, _findings(parts, metrics), _NO_PAPER_VALUES),
-        partial(_draw, config, series, generated=inputs.scenes.generated),
+        draw,
         seeds=config.seeds,
     )
     return summary
-
-
-def _draw(config: StudyFig6Task, series: list[ErrorSeries], *, generated: bool) -> dict[str, bytes]:
-    from rearl_jax.study.fig6_figure import draw_series
-
-    return {"fig6": draw_series(series, ("h", config.mape.column), generated=generated)}
 
 
 def thirds(table: pd.DataFrame) -> pd.DataFrame:

@@ -5,7 +5,6 @@ Writes `base_values.parquet` (one row per value), `fig7.parquet` (one row per pe
 """
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -75,6 +74,14 @@ def run(config: StudyFig7Task) -> dict:
         key = f"{record['metric']}_p{record['percentile']:g}"
         summary |= {key: record["ours"], f"{key}_paper": record["paper"]}
     use = f"{len(subset)} of them behind the percentiles"
+
+    def draw() -> dict[str, bytes]:
+        from rearl_jax.sweep.figures import cumulative
+
+        scale = legacy_scale(config.hist)
+        published = ({percentile: value / scale for percentile, value in THRESHOLDS_H.items()}, THRESHOLDS_MAPE)
+        return {"fig7": cumulative(base, config, published, generated=scenes.generated)}
+
     publish(
         study,
         FORM,
@@ -83,7 +90,7 @@ def run(config: StudyFig7Task) -> dict:
         long_table(records),
         summary,
         remarks_on(config, scenes, use, _findings(config, base), differing),
-        partial(_draw, config, base, generated=scenes.generated),
+        draw,
         **metadata,
     )
     return summary
@@ -118,11 +125,3 @@ def _findings(config: StudyFig7Task, base: BaseValues) -> list[str]:
         f"{theirs[1] / theirs[0]:.2f}; the ratio depends on the definition of the error and on the data."
     )
     return sentences
-
-
-def _draw(config: StudyFig7Task, base: BaseValues, *, generated: bool) -> dict[str, bytes]:
-    from rearl_jax.sweep.figures import cumulative
-
-    scale = legacy_scale(config.hist)
-    published = ({percentile: value / scale for percentile, value in THRESHOLDS_H.items()}, THRESHOLDS_MAPE)
-    return {"fig7": cumulative(base, config, published, generated=generated)}

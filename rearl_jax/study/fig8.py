@@ -6,8 +6,6 @@ The clustering is made by `rearl cluster` in `cluster/`; the label of a track is
 """
 
 from collections.abc import Mapping
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -86,6 +84,16 @@ def run(config: StudyFig8Task) -> dict:
         "references": clustering["references"],
     }
     use = f"{clustering['n_fitted_scenes']} of them fitted on"
+
+    def draw() -> dict[str, bytes]:
+        from rearl_jax.study.fig8_figure import draw_clusters
+
+        scene_clusters = pd.read_parquet(folder / "scene_clusters.parquet")
+        return {
+            "fig8": (folder / "scenes.png").read_bytes(),
+            "fig8_clusters": draw_clusters(scene_clusters, clustering["k"], generated=scenes.generated),
+        }
+
     publish(
         study,
         FORM,
@@ -94,7 +102,7 @@ def run(config: StudyFig8Task) -> dict:
         _long(clustering),
         summary,
         remarks_on(config, scenes, use, _findings(clustering), differing),
-        partial(_draw, folder, clustering, generated=scenes.generated),
+        draw,
         seeds=seeds(config),
     )
     return summary
@@ -102,16 +110,6 @@ def run(config: StudyFig8Task) -> dict:
 
 _CLUSTERING_KEYS = ("n_tracks", "k", "l", "n_scenes", "n_fitted_scenes", "n_distinct", "n_scene_clusters", "n_leaked")
 """Keys of the clustering's summary that are copied."""
-
-
-def _draw(folder: Path, clustering: dict, *, generated: bool) -> dict[str, bytes]:
-    from rearl_jax.study.fig8_figure import draw_clusters
-
-    scenes = pd.read_parquet(folder / "scene_clusters.parquet")
-    return {
-        "fig8": (folder / "scenes.png").read_bytes(),
-        "fig8_clusters": draw_clusters(scenes, clustering["k"], generated=generated),
-    }
 
 
 def _findings(clustering: dict) -> list[str]:

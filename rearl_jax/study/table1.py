@@ -5,8 +5,6 @@ Writes `table1.parquet` (one line per row of the table and metric), `table1.png`
 of all, `summary.json`.
 """
 
-from functools import partial
-
 import pandas as pd
 
 from rearl_jax.config import StudyTable1Task
@@ -56,6 +54,12 @@ def run(config: StudyTable1Task) -> dict:
         table = pd.concat([table, traffic.table], ignore_index=True)
         summary |= traffic.figures
         notes += traffic.notes
+
+    def draw() -> dict[str, bytes]:
+        from rearl_jax.study.table1_figure import draw_rows
+
+        return {"table1": draw_rows(config, results, generated=generated)}
+
     publish(
         study,
         FORM,
@@ -64,16 +68,10 @@ def run(config: StudyTable1Task) -> dict:
         table,
         summary,
         remarks_on_rows(config, results, inputs, notes, *([] if traffic is None else [DEFINITION])),
-        partial(_draw, config, results, generated=generated),
+        draw,
         seeds=config.seeds,
     )
     return summary
-
-
-def _draw(config: StudyTable1Task, results: Results, *, generated: bool) -> dict[str, bytes]:
-    from rearl_jax.study.table1_figure import draw_rows
-
-    return {"table1": draw_rows(config, results, generated=generated)}
 
 
 def remarks_on_rows(

@@ -4,11 +4,6 @@ The pairs are simulated by `rearl sweep thresholds` in `sweep/`. Writes `table3.
 `table3.png`, `page.html`, `config.json` and, last of all, `summary.json`.
 """
 
-from functools import partial
-from pathlib import Path
-
-import pandas as pd
-
 from rearl_jax.config import StudyTable3Task, SweepThresholdsTask
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.traffic import inputs_id
@@ -61,6 +56,13 @@ def run(config: StudyTable3Task) -> dict:
     )
     use = f"{len(splits.tuning)} of them simulated under every pair"
     summary = summary_of(config, pairs, sweep)
+
+    def draw() -> dict[str, bytes]:
+        from rearl_jax.study.table3_figure import draw_pairs
+
+        drawn = draw_pairs(pairs, len(splits.tuning), generated=scenes.generated)
+        return {"table3": drawn, "pairs": (folder / "pairs.png").read_bytes()}
+
     publish(
         study,
         FORM,
@@ -69,13 +71,7 @@ def run(config: StudyTable3Task) -> dict:
         long_pairs(pairs),
         summary,
         remarks_on(config, scenes, use, conclusions(pairs, sweep, len(splits.tuning)), differing),
-        partial(_draw, pairs, len(splits.tuning), folder, generated=scenes.generated),
+        draw,
         seeds=config.seeds,
     )
     return summary
-
-
-def _draw(pairs: pd.DataFrame, n_scenes: int, folder: Path, *, generated: bool) -> dict[str, bytes]:
-    from rearl_jax.study.table3_figure import draw_pairs
-
-    return {"table3": draw_pairs(pairs, n_scenes, generated=generated), "pairs": (folder / "pairs.png").read_bytes()}

@@ -7,7 +7,6 @@ and batch), `table4.png`, `page.html`, `config.json` and, last of all, `summary.
 import json
 import logging
 from dataclasses import asdict
-from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -65,14 +64,21 @@ def run(config: StudyTable4Task) -> dict:
     with_model = _timings_with_model(config) if config.table4.llm else None
     steps, measured_on = _timings(config)
     table = long_timings(steps, with_model)
-    n_steps = config.loop.steps
+    loop, n_steps = config.loop, config.loop.steps
     machine, load = measured_on["machine"], measured_on["load_average"]
     measured = f"Measured on {machine}" + ("" if load is None else f", load {load:.1f} at the start")
     data = (
-        f"No recordings were read; there are {_references(config)}. {measured}; median of "
-        f"{config.loop.steps_repetitions} measurements after a warm-up."
+        f"No recordings were read; there are {loop.n_references} synthetic references of {loop.reference_seconds} s "
+        f"with {loop.reference_vehicles} vehicles from seed {loop.seed}. {measured}; median of "
+        f"{loop.steps_repetitions} measurements after a warm-up."
     )
     summary = {"machine": machine, "load_average": load} | summary_of(table, n_steps)
+
+    def draw() -> dict[str, bytes]:
+        from rearl_jax.study.table4_figure import draw_timings
+
+        return {"table4": draw_timings(table, n_steps)}
+
     publish(
         study,
         FORM,
@@ -81,24 +87,10 @@ def run(config: StudyTable4Task) -> dict:
         table,
         summary,
         Remarks(data, tuple(conclusions(table, n_steps)), _DIFFERENCES),
-        partial(_draw, table, n_steps),
+        draw,
         machine=machine,
     )
     return summary
-
-
-def _draw(table: pd.DataFrame, n_steps: int) -> dict[str, bytes]:
-    from rearl_jax.study.table4_figure import draw_timings
-
-    return {"table4": draw_timings(table, n_steps)}
-
-
-def _references(config: StudyTable4Task) -> str:
-    loop = config.loop
-    return (
-        f"{loop.n_references} synthetic references of {loop.reference_seconds} s with {loop.reference_vehicles} "
-        f"vehicles from seed {loop.seed}"
-    )
 
 
 def _timings(config: StudyTable4Task) -> tuple[pd.DataFrame, dict[str, Any]]:

@@ -29,13 +29,10 @@ def kept_base_values(
     """
     if not study.owns(BASE_VALUES):
         base = base_values(config, scenes, subset, progress)
-        study.write_table(BASE_VALUES, _table(base), **metadata)
+        cues = pd.Categorical.from_codes(np.repeat([0, 1], [len(base.h), len(base.mape)]), _CUES)
+        values = np.concatenate([base.h, base.mape]).astype(np.float32)
+        study.write_table(BASE_VALUES, pd.DataFrame({"cue": cues, "value": values}), **metadata)
     frame = pd.read_parquet(study.path / f"{BASE_VALUES}.parquet")
     values, cues = frame["value"].to_numpy(), frame["cue"].to_numpy()
     h, mape = (values[cues == cue] for cue in _CUES)
     return BaseValues(h, mape, subset)
-
-
-def _table(base: BaseValues) -> pd.DataFrame:
-    cues = pd.Categorical.from_codes(np.repeat([0, 1], [len(base.h), len(base.mape)]), _CUES)
-    return pd.DataFrame({"cue": cues, "value": np.concatenate([base.h, base.mape]).astype(np.float32)})

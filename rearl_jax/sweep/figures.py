@@ -95,12 +95,8 @@ def heat_maps(table: pd.DataFrame, title: str) -> bytes:
         axes.set_yticks(range(grid.shape[0]), [f"{value:g}" for value in grid.index])
         best = table.loc[table["is_best"]].iloc[0]
         row, column = list(grid.index).index(best["h_pct"]), list(grid.columns).index(best["m_pct"])
-        axes.add_patch(_frame(column, row))
+        axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, fill=False, edgecolor=_MARK, linewidth=2))
         axes.set_title(label, fontsize=drawing.FONT_SIZE)
         axes.set_xlabel("percentile of the spacing error [%]", fontsize=8)
     figure.axes[0].set_ylabel("percentile of the Hellinger distance [%]", fontsize=8)
     return drawing.png(figure)
-
-
-def _frame(column: int, row: int) -> Rectangle:
-    return Rectangle((column - 0.5, row - 0.5), 1, 1, fill=False, edgecolor=_MARK, linewidth=2)

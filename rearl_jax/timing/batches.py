@@ -35,6 +35,9 @@ class Batches:
     """Measurement of a program on one device, batch by batch.
 
     The time of a batch is from the call with the prepared input to the end of the computation.
+
+    Attributes:
+        facts: Scenarios per batch (`unit`), elapsed time of compiling [s], decisions per vehicle and simulated second.
     """
 
     def __init__(self, subject: Subject, *, batch: int, n_vehicles: int, seconds: int) -> None:
@@ -44,15 +47,11 @@ class Batches:
         inputs = jax.block_until_ready(self._prepare(jax.random.split(jax.random.key(0), batch)))
         start = time.perf_counter()
         self._run = jax.jit(subject.run).lower(inputs).compile()
-        self.compile_s = time.perf_counter() - start
+        compile_s = time.perf_counter() - start
         decisions = subject.decisions(self._run(inputs))
         n_asked = 0 if decisions is None else int(np.asarray(decisions.n_asked).sum())
-        self.asked_share = n_asked / (batch * n_vehicles * seconds)
-
-    @property
-    def facts(self) -> dict[str, float | int]:
-        """Scenarios per batch, elapsed time of compiling [s], and decisions per vehicle and simulated second."""
-        return {"unit": self._batch, "compile_s": self.compile_s, "asked_share": self.asked_share}
+        asked_share = n_asked / (batch * n_vehicles * seconds)
+        self.facts: dict[str, float | int] = {"unit": batch, "compile_s": compile_s, "asked_share": asked_share}
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
         """Cost of simulating scenarios that are drawn from a seed, in whole batches.

@@ -5,6 +5,7 @@ References are synthetic, so that no data are read.
 
 import dataclasses
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -206,12 +207,9 @@ def decision_steps(
         subject = _ppo_subject(prepare, seconds)
     else:
         run = run_detection if name == DETECTION else decide_in_situations
-        subject = Subject(prepare, run, lambda batch, _: jax.vmap(_observe_base)(batch.recorded), lambda _: None)
+        observe = jax.vmap(partial(frame_of, model=BASE_MODEL))
+        subject = Subject(prepare, run, lambda batch, _: observe(batch.recorded), lambda _: None)
     return Batches(subject, batch=batch, n_vehicles=n_vehicles, seconds=seconds)
-
-
-def _observe_base(state: TrafficState) -> Frames:
-    return frame_of(state, BASE_MODEL)
 
 
 def rollout_subject(prepare: Any, seconds: int) -> Subject:

@@ -25,7 +25,11 @@ _SECONDS_TO_END = 10.0
 
 
 class ProcessSession:
-    """A program in a separate Python process."""
+    """A program in a separate Python process.
+
+    Attributes:
+        facts: Facts of the program, known as soon as it is ready.
+    """
 
     def __init__(
         self, program: str, *, cpu_devices: int | None = 1, on_cpu: bool = True, remedy: str = "", **arguments: Any
@@ -53,12 +57,7 @@ class ProcessSession:
             encoding="utf-8",
             env=fresh_environment(on_cpu=on_cpu),
         )
-        self._facts = self._answer()
-
-    @property
-    def facts(self) -> dict[str, float | int]:
-        """Facts of the program, known as soon as it is ready."""
-        return self._facts
+        self.facts: dict[str, float | int] = self._answer()
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
         """One measurement.

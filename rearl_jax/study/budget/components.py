@@ -40,12 +40,11 @@ Row = frozenset[str]
 
 def orders(components: Iterable[str]) -> list[tuple[str, ...]]:
     """All orders in which every component comes after the one it needs."""
-    return [order for order in permutations(components) if _is_possible(order)]
-
-
-def _is_possible(order: Sequence[str]) -> bool:
-    """True if every component needs none, or one at an earlier position."""
-    return all(NEEDS.get(name) in (None, *order[:position]) for position, name in enumerate(order))
+    return [
+        order
+        for order in permutations(components)
+        if all(NEEDS.get(name) in (None, *order[:position]) for position, name in enumerate(order))
+    ]
 
 
 def rows_of(components: Sequence[str]) -> list[Row]:

@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.budget import START
-from rearl_jax.evaluation.scores import REAL, REAL_VS_REAL, TITLES
+from rearl_jax.evaluation.scores import REAL, REAL_VS_REAL
+from rearl_jax.evaluation.scores import TITLES as REFERENCE_TITLES
 from rearl_jax.study.budget.components import Row, orders, row_name, row_of
 from rearl_jax.study.budget.shares import Errors, Shares, shares_of
 
@@ -110,16 +111,11 @@ def budgets(table: pd.DataFrame, components: Sequence[str]) -> dict[str, ColumnB
         if not column.reduced_by(components) or column.source not in table:
             continue
         errors = errors_of(table, column)
-        rows: Errors = {row_of(row): values for row, values in errors.items() if is_budget_row(row)}
+        rows: Errors = {row_of(row): values for row, values in errors.items() if row not in REFERENCE_TITLES}
         shares = shares_of(rows, _after(orders(components), column.first), column.first)
         if np.isfinite(shares.whole).any():
             result[name] = ColumnBudget(column, errors, shares, row_name(frozenset(components)))
     return result
-
-
-def is_budget_row(name: str) -> bool:
-    """True for the name of a row of the budget, False for that of a reference row."""
-    return name not in TITLES
 
 
 def _after(all_orders: Sequence[tuple[str, ...]], first: Row) -> list[tuple[str, ...]]:

@@ -50,20 +50,19 @@ def _records(name: str, budget: ColumnBudget, eval: EvaluationConfig) -> list[di
     titles |= {WHOLE: "total reduction", REST: "rest less real against real"} | dict(TITLES)
     common = {"error": name, "heading": budget.column.title, "n_scenes": int(is_known.sum())}
     common |= {"n_orders": len(shares.by_order)}
-    records = []
-    for part, (value, low, high) in figures.items():
-        if np.isfinite(value):
-            records.append(common | {"part": part, "title": titles[part], "value": value, "low": low, "high": high})
     of_orders = {
         "stated": shares.stated,
         "least": shares.by_order.min(axis=0),
         "most": shares.by_order.max(axis=0),
         "leads": shares.leading_share,
     }
-    index = {component: number for number, component in enumerate(shares.components)}
-    for record in records:
-        if record["part"] in index:
-            record |= {key: float(column[index[record["part"]]]) for key, column in of_orders.items()}
+    records = []
+    for part, (value, low, high) in figures.items():
+        if np.isfinite(value):
+            records.append(common | {"part": part, "title": titles[part], "value": value, "low": low, "high": high})
+            if part in shares.components:
+                index = shares.components.index(part)
+                records[-1] |= {key: float(column[index]) for key, column in of_orders.items()}
     return records
 
 

@@ -142,16 +142,9 @@ def _score(summary: Mapping[str, Any], facts: pd.DataFrame) -> Section:
     """Section on known time gaps of these vehicles, and their agreement with the results."""
     rows = []
     if summary["n_known"]:
-        rows += [
-            Row(
-                f"known time gaps within {TOLERANCE:g} s, calibrated drivers",
-                (Cell(f"{summary['n_within']} of {summary['n_known']}"),),
-            ),
-            Row(
-                f"known time gaps within {TOLERANCE:g} s, measured without a model",
-                (Cell(f"{summary['n_within_model_free']} of {summary['n_known']}"),),
-            ),
-        ]
+        for key, method in (("n_within", "calibrated drivers"), ("n_within_model_free", "measured without a model")):
+            cell = Cell(f"{summary[key]} of {summary['n_known']}")
+            rows.append(Row(f"known time gaps within {TOLERANCE:g} s, {method}", (cell,)))
     if summary["n_cars"] is not None:
         rows.append(
             Row("shorter in setting S than in L", (Cell(f"{summary['n_shorter']} of {summary['n_cars']} cars"),))

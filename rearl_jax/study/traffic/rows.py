@@ -59,8 +59,6 @@ DEFINITION = (
 )
 """Differences of these rows from those of the paper."""
 
-_SECONDS_PER_MINUTE = 60
-
 
 @dataclass(frozen=True)
 class TrafficRows:
@@ -190,7 +188,7 @@ def _interventions(setting: Setting, log: DecisionLog | None) -> dict[str, np.nd
         return {"interventions": 0.0, "changes": 0.0}
     accepted = np.asarray(log.decisions.n_accepted)  # [seconds, actions, rollouts]
     scene_index = np.searchsorted(setting.held_out, log.scene)
-    per_vehicle_minute = _SECONDS_PER_MINUTE / (len(accepted) * setting.config.core.n_vehicles)
+    per_vehicle_minute = 60 / (len(accepted) * setting.config.core.n_vehicles)
     keeping = accepted[:, MetaAction.IDLE].sum(axis=0)
     total = accepted.sum(axis=(0, 1))
     return {
