@@ -321,8 +321,7 @@ def _leave_out(
     losses: Losses,
 ) -> None:
     """Count the marked rows, or stop at the first."""
-    if bad.any():
-        stop_or_count(rows, Finding(name, column, bad, message, "complete the source"), info, policy, losses)
+    stop_or_count(rows, Finding(name, column, bad, message, "complete the source"), info, policy, losses)
 
 
 def _models(rows: pd.DataFrame, file: str) -> dict[int, str | None]:
