@@ -19,7 +19,8 @@ from rearl_jax.config import DiscoverTask, EvaluateTask, PrepareTask, ResultsCon
 from rearl_jax.config._schema import finished, from_plain, keys_of, nearest
 from rearl_jax.config.data import DataConfig
 from rearl_jax.config.driver import DriverConfig
-from rearl_jax.data.recordings import Recording, data_id, is_generated, iterate_recordings
+from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
+from rearl_jax.data.records import Recording
 from rearl_jax.data.scenes.cutting import build_scenes
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.data.tables.in_memory import in_memory

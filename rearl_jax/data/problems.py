@@ -69,10 +69,9 @@ def source_row(rows: pd.DataFrame | pd.Series, marked: np.ndarray) -> int:
     return int(rows.index[int(np.argmax(marked))]) + 1
 
 
-def without_value(table: pd.DataFrame, name: str) -> Finding | None:
+def without_value(table: pd.DataFrame, name: str) -> Finding:
     """The finding for rows that lack an identifying value, such as the vehicle's number."""
-    missing = table[name].isna().to_numpy()
-    return Finding("not_finite", name, missing, "the value is missing", "complete the row") if missing.any() else None
+    return Finding("not_finite", name, table[name].isna().to_numpy(), "the value is missing", "complete the row")
 
 
 def recording_unnamed(file: str, column: str, row: int) -> BadRecordingError:

@@ -11,21 +11,10 @@ from rearl_jax.data.checks.copies import Copies
 from rearl_jax.data.checks.remarks import noted
 from rearl_jax.data.reader import Entry
 from rearl_jax.data.readers import reader_of
-from rearl_jax.data.records import Recording, RecordingInfo
+from rearl_jax.data.records import Recording
 from rearl_jax.data.tables import in_memory
 from rearl_jax.data.tables.in_memory import TableInMemory
 from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
-
-__all__ = [
-    "Recording",
-    "RecordingInfo",
-    "count_recordings",
-    "data_id",
-    "file_stamps",
-    "is_generated",
-    "iterate_recordings",
-    "label_of_same",
-]
 
 _ONLY_WITH = {key: "table" for key in (*TABLE_KEYS, "ring")} | {"stretch": "pneuma", "window": "i24", "section": "i24"}
 """The data format with which a key has an effect."""
@@ -56,12 +45,12 @@ def iterate_recordings(data: DataConfig, labels: Sequence[str] = ()) -> Iterator
 
 def label_of_same(data: DataConfig) -> str | None:
     """Label that identifies the same driver or car in several recordings of the format; None if there is none."""
-    return None if isinstance(data, TableInMemory) else reader_of(data.format).same
+    return reader_of(data.format).same
 
 
 def has_one_clock(data: DataConfig) -> bool:
     """True if the times of all vehicles in a recording of the format come from one clock."""
-    return not isinstance(data, TableInMemory) and reader_of(data.format).has_one_clock
+    return reader_of(data.format).has_one_clock
 
 
 def count_recordings(data: DataConfig) -> int:
@@ -95,7 +84,6 @@ def data_id(data: DataConfig) -> str:
             digest.update(repr((key, sorted((str(name), str(value)) for name, value in given.items()))).encode())
     if isinstance(data, TableInMemory):
         digest.update(str(data.root).encode())
-        return f"{data.format.name}-{digest.hexdigest()[:12]}"
     for file in sorted(_files(data), key=lambda path: path.name):
         with file.open("rb") as content:
             head = content.read(2**16)
@@ -157,5 +145,5 @@ def _root(data: DataConfig) -> Path:
 
 
 def _files(data: DataConfig) -> list[Path]:
-    """The files that hold the rows of a data set, and those that describe them."""
-    return reader_of(data.format).files(_root(data))
+    """The files that hold the rows of a data set, and those that describe them; none for a table in memory."""
+    return [] if isinstance(data, TableInMemory) else reader_of(data.format).files(_root(data))

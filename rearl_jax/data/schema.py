@@ -16,19 +16,11 @@ from rearl_jax.data.checks.labels import labelled
 from rearl_jax.data.checks.leaders import wrong_leader
 from rearl_jax.data.checks.losses import Losses, reject, remove_fragments
 from rearl_jax.data.checks.motion_checks import wrong_motion
-from rearl_jax.data.problems import BadRecordingError, bad_recording, require_columns, source_row
+from rearl_jax.data.problems import bad_recording, require_columns, source_row
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.vehicle_classes import CLASSES, classes_of
 
-__all__ = [
-    "CLASSES",
-    "COLUMNS",
-    "BadRecordingError",
-    "Column",
-    "Recording",
-    "RecordingInfo",
-    "validate",
-]
+__all__ = ["COLUMNS", "Column", "Recording", "RecordingInfo", "validate"]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from rearl_jax.cache import kept_path, read_arrays, write_arrays
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config._schema import as_plain
 from rearl_jax.config.scenes import Direction
-from rearl_jax.data.recordings import Recording, count_recordings, data_id, file_stamps, iterate_recordings
+from rearl_jax.data.recordings import count_recordings, data_id, file_stamps, iterate_recordings
+from rearl_jax.data.records import Recording
 from rearl_jax.data.scenes.scene_set import SceneSet
 
 log = logging.getLogger(__name__)

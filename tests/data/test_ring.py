@@ -8,8 +8,9 @@ import pytest
 
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.problems import BadRecordingError
-from rearl_jax.data.recordings import data_id, iterate_recordings
+from rearl_jax.data.recordings import data_id
 from rearl_jax.data.survey.task import run
+from tests.data.table_files import read_table
 from tests.refusal import refused
 
 LAP = 230.0
@@ -29,10 +30,6 @@ def ring(seconds=90.0, rate=10.0):
     return pd.concat(parts, ignore_index=True)
 
 
-def read(path, **keys):
-    return next(iter(iterate_recordings(DataConfig(DataFormat.table, str(path), **keys))))
-
-
 @pytest.fixture
 def file(tmp_path):
     path = tmp_path / "ring.csv"
@@ -41,7 +38,7 @@ def file(tmp_path):
 
 
 def test_everybody_has_a_leader_at_the_true_distance(file):
-    table = read(file, ring=LAP).table
+    table = read_table(file, ring=LAP).table
     assert table["track_id"].nunique() == N_VEHICLES + 1
     drivers = table[table["track_id"] <= N_VEHICLES].sort_values(["frame", "position"])
     steps = table.groupby("track_id")["position"].diff().dropna()
@@ -66,7 +63,7 @@ def test_everybody_has_a_leader_at_the_true_distance(file):
 def test_positions_that_grow_from_lap_to_lap_are_read_alike(file, tmp_path):
     whole = tmp_path / "whole.csv"
     ring().drop(columns="position").rename(columns={"along": "position"}).to_csv(whole, index=False)
-    ours, theirs = (read(path, ring=LAP).table for path in (file, whole))
+    ours, theirs = (read_table(path, ring=LAP).table for path in (file, whole))
     np.testing.assert_allclose(np.diff(ours["position"]), np.diff(theirs["position"]), atol=1e-6)
 
 
@@ -74,7 +71,7 @@ def test_a_vehicle_that_is_seen_later_has_its_place(tmp_path):
     rows = ring()
     path = tmp_path / "later.csv"
     rows[(rows["track_id"] != 3) | (rows["time"] > 40.0)].drop(columns="along").to_csv(path, index=False)
-    table = read(path, ring=LAP).table
+    table = read_table(path, ring=LAP).table
     late = table[(table["track_id"] <= N_VEHICLES) & (table["frame"] == 500)]
     assert np.ptp(late["position"]) < LAP
     np.testing.assert_allclose(np.diff(np.sort(late["position"])), LAP / N_VEHICLES, atol=2.5)
@@ -84,7 +81,7 @@ def test_stated_leaders_are_those_of_the_order(tmp_path):
     path = tmp_path / "stated.csv"
     rows = ring().drop(columns="along")
     rows.assign(leader_id=rows["track_id"] % N_VEHICLES + 1).to_csv(path, index=False)
-    table = read(path, ring=LAP).table
+    table = read_table(path, ring=LAP).table
     assert table["leader_id"].isna().all()
 
 
@@ -112,7 +109,7 @@ def test_a_road_with_two_ends_is_no_ring(tmp_path, capsys):
 @pytest.mark.parametrize(("lap", "code"), [(150.0, "ring-overtaken"), (300.0, "jump")])
 def test_another_lap_is_refused(file, lap, code):
     with refused(code, BadRecordingError, column="position"):
-        read(file, ring=lap)
+        read_table(file, ring=lap)
 
 
 def test_a_vehicle_that_overtakes_is_refused(tmp_path):
@@ -123,7 +120,7 @@ def test_a_vehicle_that_overtakes_is_refused(tmp_path):
     rows.loc[fast, "speed"] += 3.0
     rows.to_csv(path, index=False)
     with refused("ring-overtaken", BadRecordingError, column="position"):
-        read(path, ring=LAP)
+        read_table(path, ring=LAP)
 
 
 def test_several_lanes_are_refused_and_unknown_ones_are_no_lane(tmp_path):
@@ -131,6 +128,6 @@ def test_several_lanes_are_refused_and_unknown_ones_are_no_lane(tmp_path):
     rows = ring().drop(columns="along")
     rows.assign(lane=rows["track_id"] % 2).to_csv(path, index=False)
     with refused("ring-lanes", BadRecordingError, column="lane"):
-        read(path, ring=LAP)
+        read_table(path, ring=LAP)
     rows.assign(lane=np.where(rows["track_id"] == 2, np.nan, 0.0)).to_csv(path, index=False)
-    assert read(path, ring=LAP).table["lane"].eq(0).all()
+    assert read_table(path, ring=LAP).table["lane"].eq(0).all()

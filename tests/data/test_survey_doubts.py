@@ -7,11 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataFormat
-from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.survey.task import run
 from tests.data.survey_tables import truth
-from tests.data.table_files import write_table
+from tests.data.table_files import read_table, write_table
 from tests.refusal import refused
 
 
@@ -30,10 +28,8 @@ def _taken(found: dict) -> dict:
     return {one["canonical"]: (source, one["unit"]) for source, one in found["columns"].items()}
 
 
-def _read(path: Path, columns: dict, units: dict | None = None) -> pd.DataFrame:
-    data = DataConfig(DataFormat.table, str(path), columns=columns, units=units or {})
-    (recording,) = iterate_recordings(data)
-    return recording.table
+def _read(path: Path, columns: dict, **keys) -> pd.DataFrame:
+    return read_table(path, columns=columns, **keys).table
 
 
 SHORT = ["time", "id", "x", "speed"]
@@ -93,10 +89,10 @@ def test_reversed_lateral_positions_count_from_the_left_edge(rows, tmp_path):
     table = rows[SHORT].assign(y=20.0 - rows["y"], lane=2 - rows["lane"])
     table.to_csv(tmp_path / "a.csv", index=False)
     columns = {"track_id": "id", "position": "x", "lateral": "y"}
-    read = _read(tmp_path / "a.csv", columns, {"lateral": "-m", "lane": "-from 2"})
+    read = _read(tmp_path / "a.csv", columns, units={"lateral": "-m", "lane": "-from 2"})
     np.testing.assert_allclose(read["lateral"], rows["y"], atol=0.2)
     assert read["lane"].tolist() == rows["lane"].tolist()
-    read = _read(tmp_path / "a.csv", columns | {"lane": None}, {"lateral": "-m"})
+    read = _read(tmp_path / "a.csv", columns | {"lane": None}, units={"lateral": "-m"})
     np.testing.assert_allclose(read["lateral"], rows["y"], atol=0.4)
 
 

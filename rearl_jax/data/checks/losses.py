@@ -45,24 +45,25 @@ def stop_or_count(
     """Counts the marked rows of a finding, which the caller treats itself.
 
     Raises:
-        BadRecordingError: data.on_bad is stop.
+        BadRecordingError: There are any, and data.on_bad is stop.
     """
-    if policy.on_bad is BadRows.stop:
+    n_rows = int(finding.rows.sum())
+    if n_rows and policy.on_bad is BadRows.stop:
         raise finding.error(table, info)
-    losses.count(finding.name, int(finding.rows.sum()))
+    losses.count(finding.name, n_rows)
 
 
 def reject(
     table: pd.DataFrame, finding: Finding | None, info: RecordingInfo, policy: DataConfig, losses: Losses
 ) -> pd.DataFrame:
-    """The table without what the finding marks; the loss is counted in `losses`.
+    """The table without what the finding marks, if it marks any rows; the loss is counted in `losses`.
 
     The index of the table holds the row numbers of the source, from 0.
 
     Raises:
-        BadRecordingError: data.on_bad is stop, or nothing is left.
+        BadRecordingError: Rows are marked and data.on_bad is stop, or nothing is left.
     """
-    if finding is None:
+    if finding is None or not finding.rows.any():
         return table
     if policy.on_bad is BadRows.stop:
         raise finding.error(table, info)

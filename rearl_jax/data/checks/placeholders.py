@@ -63,11 +63,11 @@ def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> F
     return None
 
 
-def nowhere(rows: pd.DataFrame, x: str, y: str) -> Finding | None:
+def nowhere(rows: pd.DataFrame, x: str, y: str) -> Finding:
     """Finding of rows whose two coordinates on a map or in an image are exactly 0: no vehicle is measured there."""
     bad = ((rows[x] == 0.0) & (rows[y] == 0.0)).to_numpy()
     text = "both coordinates are 0, which seems to mean an unknown value"
-    return Finding("out_of_range", "x", bad, text, "correct the place") if bad.any() else None
+    return Finding("out_of_range", "x", bad, text, "correct the place")
 
 
 def unavailable_acceleration(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:

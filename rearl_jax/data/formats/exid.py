@@ -107,10 +107,9 @@ def read_recording(tracks_file: Path, policy: DataConfig) -> Recording:
     table, notes = _driver_frame(rows, meta, road)
     lane_count = {side: order.count for side, order in road.lanes.items()}
     info = replace(info, lane_count=lane_count, road_length=road.road_length, notes=tuple(notes))
-    if road.wrong_way.any():
-        text = "the vehicle drives against all others of its lane"
-        finding = Finding("wrong_direction", "x", road.wrong_way, text, "correct its positions")
-        table = reject(table, finding, info, policy, losses)
+    text = "the vehicle drives against all others of its lane"
+    finding = Finding("wrong_direction", "x", road.wrong_way, text, "correct its positions")
+    table = reject(table, finding, info, policy, losses)
     table = leave_out(table, pd.Series(road.off_road | road.no_lane, index=rows.index), losses)
     return Recording(info, *validate(table, info, policy, losses))
 

@@ -205,10 +205,9 @@ def _recording(
         file=str(path),
         columns=_SPELLING,
     )
-    no_speed = ~np.isfinite(speed)
-    if no_speed.any():
-        text, remedy = "no speed follows from the times: there is only one, or they do not rise", "correct the times"
-        table = reject(table, Finding("time_unordered", "frame", no_speed, text, remedy), info, policy, losses)
+    text, remedy = "no speed follows from the times: there is only one, or they do not rise", "correct the times"
+    no_speed = Finding("time_unordered", "frame", ~np.isfinite(speed), text, remedy)
+    table = reject(table, no_speed, info, policy, losses)
     table = reject(table, unknown_class(table, info, policy, _CODES), info, policy, losses)
     return Recording(info, *validate(table, info, policy, losses))
 

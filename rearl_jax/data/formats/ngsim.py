@@ -108,9 +108,8 @@ def read_us101(path: Path, recording: str, period: int, policy: DataConfig) -> R
     )
     losses = Losses()
     unknown = ~(np.abs(table["lane"].to_numpy()) < _MAX_LANE)
-    if unknown.any():
-        finding = Finding("not_finite", "lane", unknown, "the lane is unknown", "complete the row")
-        table = reject(table, finding, info, policy, losses)
+    finding = Finding("not_finite", "lane", unknown, "the lane is unknown", "complete the row")
+    table = reject(table, finding, info, policy, losses)
     table = table.assign(lane=debounced(table["lane"].to_numpy(), table["track_id"].to_numpy()))
     return Recording(info, *validate(table, info, policy, losses))
 

@@ -8,7 +8,7 @@ Source: European Commission, Joint Research Centre, Open ACC Database, DOI 10.29
 al., Transportation Research Part C 125 (2021) 103047.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -80,25 +80,41 @@ def platoon_recordings(path: Path) -> dict[str, Platoon]:
         text, row = "a row does not state its vehicle and file", int(np.argmax(wrong)) + 1
         raise bad_recording("vehicle-unnamed", text, "complete it", path, column="pos", row=row)
     has_gap = rows.groupby(["file", "pos"], observed=True)["gap_to_follower_m"].count() > 0
-    recordings = {}
+    recordings: dict[str, Platoon] = {}
     for file in has_gap.index.unique("file"):
-        linked = has_gap.loc[file]
-        places = linked.index.to_numpy()
-        follows = np.concatenate([[False], linked.to_numpy()[:-1] & (np.diff(places) == 1)])
-        parts = np.split(places, np.flatnonzero(~follows)[1:])
-        unlinked = tuple(int(part[0]) for part in parts if part.size == 1)
-        chains = [part for part in parts if part.size > 1]
-        if not chains:
+        linked = has_gap.loc[file].rename(index=int)
+        platoons = platoons_of(f"openacc_{file}", str(file), linked.index.tolist(), linked.index[linked].tolist())
+        if not platoons:
             text, row = f"no vehicle of {file} has a gap to a neighbour", int(np.argmax(rows["file"] == file)) + 1
             remedy = "complete the gaps, or remove the rows of this run"
             raise bad_recording("unlinked", text, remedy, path, column="gap_to_follower_m", row=row)
-        for chain in chains:
-            first, last = int(chain[0]), int(chain[-1])
-            name = f"openacc_{file}" + (f"_{first}to{last}" if len(chains) > 1 else "")
-            notes = on_breaks(places.tolist(), places[linked.to_numpy()].tolist())
-            recordings[name] = Platoon(str(file), first, last, unlinked, notes)
-            unlinked = ()
+        recordings |= platoons
     return recordings
+
+
+def platoons_of(
+    recording: str, file: str, vehicles: Sequence[int], gaps: Collection[int], models: Sequence[str] = ()
+) -> dict[str, Platoon]:
+    """Recording id -> part with two vehicles or more of a run; empty if no gap between neighbours is recorded.
+
+    `recording` is the id of a run of one part. `vehicles` holds the numbers of those that are recorded, ascending,
+    `gaps` those of vehicles whose gap behind is recorded, and `models` the models of all from number 1 on.
+    """
+    chains: list[list[int]] = []
+    for number in vehicles:
+        if chains and chains[-1][-1] == number - 1 and number - 1 in gaps:
+            chains[-1].append(number)
+        else:
+            chains.append([number])
+    unlinked = tuple(chain[0] for chain in chains if len(chain) == 1)
+    chains = [chain for chain in chains if len(chain) > 1]
+    notes = on_breaks(vehicles, gaps, models)
+    platoons = {}
+    for chain in chains:
+        part = f"_{chain[0]}to{chain[-1]}" if len(chains) > 1 else ""
+        platoons[f"{recording}{part}"] = Platoon(file, chain[0], chain[-1], unlinked, notes)
+        unlinked = ()
+    return platoons
 
 
 def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -> Recording:
@@ -198,19 +214,13 @@ def on_frames(time: np.ndarray) -> np.ndarray:
 def fill_holes(values: np.ndarray) -> np.ndarray:
     """The columns, in which up to MAX_HOLE missing frames are interpolated; longer holes and the ends stay NaN."""
     filled = values.copy()
-    rows = np.arange(len(values))
     for column in filled.T:
         known = np.flatnonzero(~np.isnan(column))
         if not known.size:
             continue
-        hole = np.diff(known) - 1
-        # Length of the hole in which each row lies; searchsorted finds the next known row.
-        ahead = np.searchsorted(known, rows, side="left")
-        within = (ahead > 0) & (ahead < known.size)
-        short = within.copy()
-        short[within] = hole[ahead[within] - 1] <= MAX_HOLE
-        fill = short & np.isnan(column)
-        column[fill] = np.interp(rows[fill], known, column[known])
+        rows, steps = np.arange(known[0], known[-1]), np.diff(known)
+        rows = rows[np.repeat(steps <= MAX_HOLE + 1, steps) & np.isnan(column[rows])]
+        column[rows] = np.interp(rows, known, column[known])
     return filled
 
 
@@ -311,8 +321,7 @@ def _leave_out(
     losses: Losses,
 ) -> None:
     """Count the marked rows, or stop at the first."""
-    if bad.any():
-        stop_or_count(rows, Finding(name, column, bad, message, "complete the source"), info, policy, losses)
+    stop_or_count(rows, Finding(name, column, bad, message, "complete the source"), info, policy, losses)
 
 
 def _models(rows: pd.DataFrame, file: str) -> dict[int, str | None]:

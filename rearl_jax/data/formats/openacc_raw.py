@@ -27,7 +27,6 @@ from rearl_jax.data.files.text_layout import first_lines, readable
 from rearl_jax.data.formats import openacc
 from rearl_jax.data.formats.openacc import FRAME_RATE, MAX_HOLE, MODEL, Platoon
 from rearl_jax.data.formats.openacc_labels import ACC, INDEX_FILE
-from rearl_jax.data.formats.openacc_pairs import on_breaks
 from rearl_jax.data.formats.published_names import split_unit, unit_stated
 from rearl_jax.data.problems import Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo
@@ -104,26 +103,13 @@ def runs_of(path: Path) -> dict[str, Platoon]:
         BadRecordingError: The file is not a run.
     """
     header = read_header_of(path)
-    speeds, gaps = header.numbered("Speed"), set(header.numbered("IVS"))
-    chains = [[number] for number in speeds]
-    for ahead, behind in zip(chains[:-1], chains[1:], strict=True):
-        if ahead[-1] in gaps and behind[0] == ahead[-1] + 1:
-            # Joins both chains in the one behind; the other one is left empty.
-            behind[:0] = ahead
-            ahead.clear()
-    unlinked = tuple(chain[0] for chain in chains if len(chain) == 1)
-    chains = [chain for chain in chains if len(chain) > 1]
-    if not chains:
+    speeds, gaps = header.numbered("Speed"), header.numbered("IVS")
+    name = f"openacc_{path.absolute().parent.name}_{stem_of(path)}"
+    platoons = openacc.platoons_of(name, stem_of(path), speeds, gaps, header.about["Vehicle_order"])
+    if not platoons:
         text = "no two neighbours have the columns Speed and IVS"
         raise bad_recording("column-missing", text, "complete the columns", path, column="IVS1")
-    recordings = {}
-    notes = on_breaks(speeds, gaps, header.about["Vehicle_order"])
-    name = f"openacc_{path.absolute().parent.name}_{stem_of(path)}"
-    for chain in chains:
-        part = f"_{chain[0]}to{chain[-1]}" if len(chains) > 1 else ""
-        recordings[f"{name}{part}"] = Platoon(stem_of(path), chain[0], chain[-1], unlinked, notes)
-        unlinked = ()
-    return recordings
+    return platoons
 
 
 def read_run(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -> Recording:

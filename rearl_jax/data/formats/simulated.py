@@ -155,10 +155,8 @@ def _known(rows: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: 
         missing = column.isna().to_numpy()
         if pd.api.types.is_float_dtype(column.dtype):
             missing = ~(np.abs(column.to_numpy()) <= MAX_MAGNITUDE)
-        if missing.any():
-            text = "the value is missing, infinite or unreadable"
-            finding = Finding("not_finite", name, missing, text, "complete it")
-            rows = reject(rows, finding, info, policy, losses)
+        text = "the value is missing, infinite or unreadable"
+        rows = reject(rows, Finding("not_finite", name, missing, text, "complete it"), info, policy, losses)
     # Lengths of links follow from speeds, so a speed that stands for none would move other vehicles.
     unknown = is_placeholder(rows["speed"].to_numpy(np.float64))
     if unknown.any():

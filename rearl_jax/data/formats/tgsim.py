@@ -167,8 +167,7 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
     }
     for name, (marked, column, text) in faults.items():
         here = pd.Series(marked, index=rows.index).reindex(table.index).to_numpy(bool)
-        if here.any():
-            table = reject(table, Finding(name, column, here, text, "correct it"), info, policy, losses)
+        table = reject(table, Finding(name, column, here, text, "correct it"), info, policy, losses)
     table = leave_out(table, pd.Series(road.off_road, index=rows.index), losses)
     return Recording(info, *validate(table, info, policy, losses))
 

@@ -4,6 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
+from rearl_jax.data.recordings import iterate_recordings
+
 STEP = 0.5
 EDGES = {"main": 800.0, ":j_1": 6.0, "exit": 700.0}
 RAMP = {"ramp": 300.0, ":j_0": 4.0, "exit": 700.0}
@@ -78,6 +81,12 @@ def write(folder: Path, text: str, name: str = "fcd.xml", *, beside: bool = True
         (folder / "flow.rou.xml").write_text(TYPES)
         (folder / "road.net.xml").write_text(NET)
     return folder
+
+
+def read(root: Path, on_bad: BadRows = BadRows.stop):
+    """The one recording of a file or folder."""
+    (recording,) = iterate_recordings(DataConfig(DataFormat.sumo, str(root), on_bad=on_bad))
+    return recording
 
 
 def _end(edges: dict[str, float], edge: str) -> float:

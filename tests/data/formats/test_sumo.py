@@ -12,18 +12,14 @@ import pytest
 
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.formats import sumo_fcd
-from rearl_jax.data.recordings import count_recordings, is_generated, iterate_recordings
+from rearl_jax.data.recordings import count_recordings, is_generated
 from rearl_jax.problems import InvalidInputError, MissingInputError
 from tests.data.formats import sumo_files
+from tests.data.formats.sumo_files import read
 from tests.refusal import refused
 
 ROWS = sumo_files.rows()
 TEXT = sumo_files.xml_of(ROWS)
-
-
-def read(root: Path, on_bad: BadRows = BadRows.stop):
-    (recording,) = iterate_recordings(DataConfig(DataFormat.sumo, str(root), on_bad=on_bad))
-    return recording
 
 
 def test_fronts_become_centres_on_one_road_and_lanes_count_from_the_left(tmp_path):

@@ -2,24 +2,17 @@
 
 import re
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataFormat
-from rearl_jax.data.recordings import iterate_recordings
 from tests.data.formats import sumo_files
+from tests.data.formats.sumo_files import read
 from tests.refusal import refused
 
 ROWS = sumo_files.rows()
 TEXT = sumo_files.xml_of(ROWS)
-
-
-def read(root: Path):
-    (recording,) = iterate_recordings(DataConfig(DataFormat.sumo, str(root)))
-    return recording
 
 
 def _clock(seconds: float) -> str:
