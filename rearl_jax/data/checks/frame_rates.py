@@ -9,8 +9,8 @@ from rearl_jax.data.problems import bad_recording
 
 _TOLERANCE = 0.02
 """Largest relative difference between the median step and that of a usual frame rate [-]; times are rounded."""
-_EXACT = 5e-4
-"""The same for the mean of all steps [-], which distinguishes 29.97 from 30 frames per second."""
+_EXACT = 1e-6
+"""The same for the mean of all steps if times are not rounded [-]."""
 MAX_FRAME_OFFSET = 0.1
 """Frames [-] by which the times of a vehicle may differ from those of the others without a note."""
 _ROUNDING = 1e-3  # frames; error of a time that has been rounded
@@ -36,13 +36,14 @@ def frame_rate_of(steps: np.ndarray, file: Path | str, column: str) -> float:
     return rate
 
 
-def usual_rate_of(steps: np.ndarray) -> float | None:
-    """The usual frame rate [1/s] of positive steps [s] along tracks, by their mean, which rounding does not change.
+def usual_rate_of(steps: np.ndarray, n_tracks: int = 1) -> float | None:
+    """The usual frame rate [1/s] of positive steps [s] along tracks, by their mean, which rounding hardly changes.
 
     None if it is not a usual one. Longer steps, where rows are missing, do not count.
     """
-    mean = float(np.mean(steps[steps < 1.5 * np.median(steps)]))
-    rate = clock.rate_of(mean, _EXACT * mean)
+    used = steps[steps < 1.5 * np.median(steps)]
+    mean = float(np.mean(used))
+    rate = clock.rate_of(mean, clock.resolution(used) * n_tracks / len(used) + _EXACT * mean)
     return rate if rate in (*clock.STANDARD_RATES, *clock.NTSC_RATES) else None
 
 

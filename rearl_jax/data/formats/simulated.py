@@ -13,7 +13,7 @@ import pandas as pd
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import clock
-from rearl_jax.data.checks.frame_rates import require_distinct_times, usual_rate_of
+from rearl_jax.data.checks.frame_rates import phase_of, require_distinct_times, usual_rate_of
 from rearl_jax.data.checks.losses import Losses, reject, split_tracks
 from rearl_jax.data.checks.placeholders import is_placeholder
 from rearl_jax.data.checks.typed_table import MAX_LANES, MAX_MAGNITUDE
@@ -187,7 +187,8 @@ def _on_clock(
         raise bad_recording("frame-rate-unknown", text, remedy, info.file, column=column)
     # Steps of 1/30 s are written as 0.03 and 0.04 s.
     is_rounded = np.mean(np.abs(steps - np.median(steps)) > _CLOCK_TOLERANCE * steps) > clock.MAX_IRREGULAR_SHARE
-    rate = (usual_rate_of(steps) if is_rounded else None) or clock.rate_of(float(np.median(steps)), 0.0)
+    n_tracks = len(np.unique(track))
+    rate = (usual_rate_of(steps, n_tracks) if is_rounded else None) or clock.rate_of(float(np.median(steps)), 0.0)
     least, most = clock.PLAUSIBLE_RATES
     if not least <= rate <= most:
         text = f"vehicles have a row every {1.0 / rate:.4g} s"
@@ -196,8 +197,11 @@ def _on_clock(
     steps_since_zero = time * rate
     # Relative to the time of a row near the median; the mean of two middle times might be between two steps.
     since = steps_since_zero - np.sort(steps_since_zero)[len(steps_since_zero) // 2]
-    allowed = min(clock.resolution(time) * rate, _MAX_ROUNDING) if is_rounded else _CLOCK_TOLERANCE
-    off = (np.abs(since - np.rint(since)) > 1.01 * allowed) | (np.abs(time) > _MAX_TIME)
+    allowed = _CLOCK_TOLERANCE
+    if is_rounded:
+        since = steps_since_zero - phase_of(steps_since_zero)
+        allowed = min(0.505 * clock.resolution(time) * rate + _CLOCK_TOLERANCE, _MAX_ROUNDING)
+    off = (np.abs(since - np.rint(since)) > allowed) | (np.abs(time) > _MAX_TIME)
     if off.any():
         text = f"time {time[int(np.argmax(off))]:g} s is none of the time steps, which are {1.0 / rate:g} s apart"
         finding = Finding("bad_time", "time", off, text, "write all vehicles at the same time steps")

@@ -87,8 +87,8 @@ def test_a_mesoscopic_simulation_is_named(tmp_path):
         read(tmp_path)
 
 
-@pytest.mark.parametrize(("rate", "stated"), [(30.0, 30.0), (30_000 / 1001, 30_000 / 1001), (60.0, 60.0)])
-def test_times_of_two_decimals_tell_the_time_step(tmp_path, rate, stated):
+@pytest.mark.parametrize("rate", [15.0, 30.0, 60.0])
+def test_times_of_two_decimals_tell_the_time_step(tmp_path, rate):
     rows = []
     for step in range(150):
         for i in range(4):
@@ -96,7 +96,7 @@ def test_times_of_two_decimals_tell_the_time_step(tmp_path, rate, stated):
             place = {"x": front, "y": 0.0, "angle": 90.0, "type": "pkw", "speed": 24.0, "pos": front, "lane": "main_0"}
             rows.append({"time": round(step / rate, 2), "id": f"flow.{i}", **place})
     recording = read(sumo_files.write(tmp_path, sumo_files.csv_of(rows), "fcd.csv"))
-    assert recording.info.frame_rate == pytest.approx(stated)
+    assert recording.info.frame_rate == rate
     assert len(recording.table) == len(rows)
 
 
