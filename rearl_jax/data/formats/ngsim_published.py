@@ -281,11 +281,14 @@ def _no_lane(table: pd.DataFrame, path: Path) -> Finding | None:
 
 
 def _n_lanes(recording: str, table: pd.DataFrame) -> int:
-    return LANES.get(recording.rpartition("_")[0], int(table["lane"].max()) + 1 if table["lane"].notna().any() else 1)
+    """Number of lanes of the place, or up to the last one that a row states."""
+    used = table["lane"].to_numpy(dtype=np.float64, na_value=0.0)
+    return LANES.get(recording.rpartition("_")[0], int(used.max()) + 1)
 
 
 def _road_length(recording: str, table: pd.DataFrame) -> float:
     """Length of the recorded road [m]: the furthest front."""
     if recording.startswith("us101_"):
         return US101_LENGTH
-    return max(float((table["position"] + 0.5 * table["length"]).max()), 1.0)
+    front = table["position"].to_numpy() + 0.5 * table["length"].to_numpy()
+    return max(float(front.max()), 1.0)

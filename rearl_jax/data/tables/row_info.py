@@ -83,8 +83,9 @@ def with_lanes_left(recording: Recording) -> Recording:
     """The recording with the lanes of the rows that are left, if rows were dropped: a bad row must not add lanes."""
     if not recording.dropped:
         return recording
-    last = recording.table.groupby("direction")["lane"].max().fillna(0)
-    lanes = {int(side): int(lane) + 1 for side, lane in zip(last.index, last, strict=True)}
+    direction = recording.table["direction"].to_numpy()
+    lane = recording.table["lane"].to_numpy(dtype=np.float64, na_value=0.0)
+    lanes = {int(side): int(lane[direction == side].max()) + 1 for side in np.unique(direction)}
     return replace(recording, info=replace(recording.info, lane_count=lanes))
 
 
