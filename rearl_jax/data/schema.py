@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data.checks import column_checks, placeholders, typed_table
+from rearl_jax.data.checks import column_checks, lateral_checks, placeholders, typed_table
 from rearl_jax.data.checks.labels import labelled
 from rearl_jax.data.checks.leaders import wrong_leader
 from rearl_jax.data.checks.losses import Losses, reject, remove_fragments
@@ -67,6 +67,7 @@ _ROW_CHECKS = (
     placeholders.unknown_size,
     placeholders.misplaced,
     placeholders.unavailable_acceleration,
+    lateral_checks.stray_lane,
 )
 # Leaders are checked last, because this check needs sound positions; the gap check is repeated, because a row that is
 # dropped for its leader leaves a gap.

@@ -21,6 +21,9 @@ SYNONYMS = {
     "automobile": "car",
     "passenger": "car",
     "passenger car": "car",
+    "passenger vehicle": "car",
+    "sedan": "car",
+    "voiture": "car",
     "van": "car",
     "bus": "truck",
     "coach": "truck",
@@ -30,11 +33,14 @@ SYNONYMS = {
     "lorry": "truck",
     "trailer": "truck",
     "truck bus": "truck",
+    "semi": "truck",
+    "tractor trailer": "truck",
+    "camion": "truck",
     "bike": "motorcycle",
     "motorbike": "motorcycle",
 }
-"""Other words for these classes, in lower case with blanks between words, among them those of inD, exiD, SUMO, NGSIM
-and German tables.
+"""Other words for these classes, in lower case with blanks between words, among them those of inD, exiD, SUMO, NGSIM,
+German and French tables.
 
 A bus counts as a truck, because it is long and slow too; a van counts as a car, as in highD.
 """

@@ -9,6 +9,8 @@ from rearl_jax.data.problems import bad_recording
 
 _TOLERANCE = 0.02
 """Largest relative difference between the median step and that of a usual frame rate [-]; times are rounded."""
+_EXACT = 1e-6
+"""The same for the mean of all steps if times are not rounded [-]."""
 MAX_FRAME_OFFSET = 0.1
 """Frames [-] by which the times of a vehicle may differ from those of the others without a note."""
 _ROUNDING = 1e-3  # frames; error of a time that has been rounded
@@ -27,11 +29,33 @@ def frame_rate_of(steps: np.ndarray, file: Path | str, column: str) -> float:
     period = float(np.median(steps))
     unit = clock.unit_of(period, None)
     is_other = unit not in (None, "s")
-    rate = clock.rate_of(period, _TOLERANCE * period)
+    rate = usual_rate_of(steps) or clock.rate_of(period, _TOLERANCE * period)
     if is_other or not clock.PLAUSIBLE_RATES[0] <= rate <= clock.PLAUSIBLE_RATES[1]:
         text = f"the times of a vehicle are {period:g} apart" + (f": they look like {unit}" if is_other else "")
         raise bad_recording("wrong-units", text, "give the times in s", file, column=column)
     return rate
+
+
+def usual_rate_of(steps: np.ndarray, n_tracks: int = 1) -> float | None:
+    """The usual frame rate [1/s] of positive steps [s] along tracks, by their mean, which rounding hardly changes.
+
+    None if it is not a usual one. Longer steps, where rows are missing, do not count.
+    """
+    used = steps[steps < 1.5 * np.median(steps)]
+    mean = float(np.mean(used))
+    rate = clock.rate_of(mean, clock.resolution(used) * n_tracks / len(used) + _EXACT * mean)
+    return rate if rate in (*clock.STANDARD_RATES, *clock.NTSC_RATES) else None
+
+
+def require_distinct_times(steps: np.ndarray, moved: np.ndarray, file: Path | str, column: str) -> None:
+    """Raise BadRecordingError if many rows have the time of the row before of their vehicle at another place.
+
+    `steps` are the steps of time along tracks, `moved` the distances to the row before.
+    """
+    share = float(np.mean((steps == 0.0) & (moved > 0.0))) if steps.size else 0.0
+    if share > clock.MAX_IRREGULAR_SHARE:
+        text = f"{share:.0%} of the rows have the time of the row before of their vehicle: times are too coarse"
+        raise bad_recording("times-too-coarse", text, "write the time of every frame", file, column=column)
 
 
 def frames_of(time: np.ndarray, begins: np.ndarray, rate: float) -> tuple[np.ndarray, tuple[str, ...]]:

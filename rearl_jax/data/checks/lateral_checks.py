@@ -3,6 +3,8 @@
 import numpy as np
 import pandas as pd
 
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.typed_table import MAX_LANES
 from rearl_jax.data.checks.unit_checks import (
     LANE_WIDTH,
     MIN_STEPS,
@@ -33,6 +35,55 @@ MIN_DRIFT_VEHICLES = 5
 
 MIN_DRIFT_DISTANCE = 50.0
 """Distance [m] that each of these vehicles must have driven."""
+
+
+def stray_lane(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Finding of rows with a rare lane number that is not where their lateral position is, such as 9 for an unknown
+    lane on a road of three.
+
+    Only if lateral positions grow by the width of a lane without these lanes and do not with them: a ramp may be nearer
+    than its number says.
+    """
+    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
+    lateral, direction = table["lateral"].to_numpy(), table["direction"].to_numpy()
+    bad = np.zeros(len(table), dtype=bool)
+    for side in np.unique(direction):
+        here = np.flatnonzero(
+            (direction == side) & np.isfinite(lane) & np.isfinite(lateral) & (lane >= 0) & (lane < MAX_LANES)
+        )
+        lanes, middle = lane_middles(lane[here], lateral[here])
+        usual, middle_of_usual = lane_middles(lane[here], lateral[here], max(int(WRONG_SHARE * here.size), 1))
+        width = _width(usual, middle_of_usual)
+        if width is not None and _width(lanes, middle) is None:
+            off = np.abs(lateral[here] - middle_of_usual[0] - width * (lane[here] - usual[0]))
+            bad[here] = ~np.isin(lane[here], usual) & (off > 0.75 * width)
+    if not bad.any():
+        return None
+    row = int(np.argmax(bad))
+    text = f"lane {lane[row]:g}, counted from 0, is not where the vehicle is: lateral is {lateral[row]:.1f} m"
+    remedy = "correct the lane, or leave it empty where it is unknown"
+    return Finding("lane_out_of_range", "lane", bad, text, remedy)
+
+
+def _width(lanes: np.ndarray, middle: np.ndarray) -> float | None:
+    """Width of a lane [m] by the middles of the outer ones; None if it is not that of a lane, or unknown."""
+    if not lanes.size:
+        return None
+    width = (middle[-1] - middle[0]) / (lanes[-1] - lanes[0]) if lanes.size > 1 else USUAL_WIDTH
+    return float(width) if LANE_WIDTH[0] <= width <= LANE_WIDTH[1] else None
+
+
+def is_below_first(lane: np.ndarray, lateral: np.ndarray) -> np.ndarray:
+    """Mask of the rows of one carriageway in lanes below 0 that are left of lane 0, where their numbers say.
+
+    A number that stands for an unknown lane, such as -1, is that of vehicles in all lanes.
+    """
+    lanes, middle = lane_middles(lane, lateral, MIN_STEPS)
+    width = _width(lanes, middle)
+    if lanes.size < 2 or width is None or not lanes[0] < 0 <= lanes[-1]:
+        return np.zeros(len(lane), dtype=bool)
+    off = middle - middle[0] - width * (lanes - lanes[0])
+    return (lane < 0) & (np.abs(off) < 0.5 * width).all()
 
 
 def wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
@@ -71,10 +122,14 @@ def wrong_origin(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
         text = f"lateral is negative in {outside.sum()} rows, left of the carriageway"
         remedy = "count lateral from the left edge of the carriageway, positive to the right"
         return Finding("wrong_origin", "lateral", outside, text, remedy)
+    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
+    if (below := is_below_first(lane, lateral)).any():
+        first = int(lane[below].min())
+        text = f"vehicles of lane {first} drive left of those of lane 0"
+        return Finding("wrong_origin", "lane", below, text, f"count lanes from 0 at the left: add {-first}")
     lanes = lanes_off(table)
     if lanes is None or lanes > -1:
         return None
-    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     leftmost = int(np.nanmin(lane))
     if leftmost >= 1:
         text = f"no vehicle uses lane 0, and by lateral lane {leftmost} is the leftmost"
@@ -86,15 +141,16 @@ def wrong_origin(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
 
 def lanes_off(table: pd.DataFrame) -> int | None:
     """Number of lanes by which most vehicles are to the right of the lane that their rows state; None if unknown."""
+    off = share_off(table)
+    return None if off is None else int(np.sign(off)) * int(abs(off) + 0.25)
+
+
+def share_off(table: pd.DataFrame) -> float | None:
+    """Lane widths by which most vehicles are to the right of the middle of their lane; None if unknown."""
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     lanes, middle = lane_middles(lane, table["lateral"].to_numpy(), MIN_STEPS)
-    if not lanes.size:
-        return None
-    width = (middle[-1] - middle[0]) / (lanes[-1] - lanes[0]) if lanes.size > 1 else USUAL_WIDTH
-    if not LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
-        return None
-    off = float(np.median(middle / width - lanes - 0.5))
-    return int(np.sign(off)) * int(abs(off) + 0.25)
+    width = _width(lanes, middle)
+    return None if width is None else float(np.median(middle / width - lanes - 0.5))
 
 
 def wrong_axis(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:

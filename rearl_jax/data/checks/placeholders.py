@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.lateral_checks import is_below_first
 from rearl_jax.data.checks.typed_table import MAX_LANES, RANGES
 from rearl_jax.data.checks.unit_checks import ACCELERATION_P99, MIN_STEPS
 from rearl_jax.data.problems import Finding
@@ -42,6 +43,18 @@ def unknown_size(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
     return None
 
 
+def is_far(values: np.ndarray, others: np.ndarray | None = None) -> np.ndarray:
+    """Mask of the positions that no vehicle of the road can have, by the middle half of all or of the others; false
+    where a position is not finite.
+    """
+    others = values[np.isfinite(values)] if others is None else others
+    if not others.size:
+        return np.zeros(len(values), dtype=bool)
+    low, high = np.quantile(others, (0.25, 0.75))
+    reach = FAR_FACTOR * (high - low) + MIN_FAR
+    return (values < low - reach) | (values > high + reach)
+
+
 def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
     """Finding of positions that are placeholders: values of NUMBERS away from all vehicles, and all values far away.
 
@@ -53,10 +66,7 @@ def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> F
         sound = values[~marked & np.isfinite(values)]
         if not sound.size:
             continue
-        bad = marked & ((values < sound.min() - APART) | (values > sound.max() + APART))
-        low, high = np.quantile(sound, (0.25, 0.75))
-        reach = FAR_FACTOR * (high - low) + MIN_FAR
-        bad |= (values < low - reach) | (values > high + reach)
+        bad = marked & ((values < sound.min() - APART) | (values > sound.max() + APART)) | is_far(values, sound)
         if bad.any():
             text = f"{name} is {values[np.argmax(bad)]:g} m, which seems to mean an unknown value"
             return Finding("out_of_range", name, bad, text, "correct the value")
@@ -97,7 +107,8 @@ def impossible_rows(table: pd.DataFrame) -> np.ndarray:
     other than 1 and 2.
 
     These rows are left out of the checks of units, which use medians. If most values of a column on a carriageway are
-    impossible, the column is probably in another unit, and only placeholders are marked.
+    impossible, the column is probably in another unit, and only placeholders are marked. Lanes that count from a number
+    below 0 are not marked.
     """
     direction = table["direction"].to_numpy()
     bad = ~np.isin(direction, (1, 2))
@@ -108,5 +119,7 @@ def impossible_rows(table: pd.DataFrame) -> np.ndarray:
             outside = here & ((values < low) | (values > high))
             if outside.sum() > 0.5 * (here & np.isfinite(values)).sum():
                 outside &= is_placeholder(values)
+            if name == "lane" and outside.any():
+                outside[here] &= ~is_below_first(values[here], table["lateral"].to_numpy()[here])
             bad |= outside
     return bad

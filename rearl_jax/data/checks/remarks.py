@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, lane_middles, lanes_off
+from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, lane_middles, lanes_off, share_off
 from rearl_jax.data.checks.leaders import next_in_lane, notes_on_leaders
 from rearl_jax.data.checks.typed_table import MAX_LANES, RANGES
 from rearl_jax.data.checks.unit_checks import MIN_STEPS, moving_steps
@@ -24,6 +24,7 @@ _SHORT_CAR = 2.0  # m, shorter than every car; the length of a long car in m, re
 _OFF_MOTION = 0.03  # relative difference; measured: 0.005 or less in NGSIM, OpenACC and FHWA's pairs
 _HOLE = 60.0  # s without any vehicle, longer than on any road with traffic
 _BESIDE = 3.0  # m, from the middle of the lane; a vehicle there is in another lane
+_BETWEEN_LANES = 0.42  # lane widths from the middle of the lane; 0.5 is between lanes; measured: 0.35 or less in NGSIM
 _WIDTH = 1.8  # m, of a car whose width is unknown
 
 
@@ -46,6 +47,9 @@ def _on_lanes(table: pd.DataFrame) -> list[str]:
         part = table.iloc[np.flatnonzero(direction == side)]
         if (lanes_off(part) or 0) > 0:
             notes.append(f"direction {side}: lateral positions are further to the right than lane numbers state")
+        elif abs(share_off(part) or 0.0) > _BETWEEN_LANES:
+            text = "vehicles drive between the lanes that they state: lateral may count from the middle of a lane"
+            notes.append(f"direction {side}: {text}, not from the left edge")
         n_beside = _vehicles_beside_lane(part)
         if n_beside:
             notes.append(f"direction {side}: {n_beside} vehicles are a lane beside the one that they state, by lateral")

@@ -25,10 +25,12 @@ def are_few(n_vehicles: int, n_others: int) -> bool:
     return n_vehicles <= max(1.0, _MIN_SHARE * n_others) and n_vehicles < n_others
 
 
-def require_own_runs(run: np.ndarray, track: np.ndarray, file: Path, column: str) -> None:
-    """Raise BadRecordingError for a run of few vehicles, whose rows seem to be those of the largest one.
+def require_own_runs(
+    run: np.ndarray, track: np.ndarray, file: Path, column: str, time: np.ndarray | None = None
+) -> None:
+    """Raise BadRecordingError for a run of few vehicles or rows, which seem to be those of the largest one.
 
-    Rows without a run are passed over; `column` is that of the runs.
+    Rows without a run are passed over; `column` is that of the runs, `time` that of each row, if known.
     """
     vehicles = pd.DataFrame({"run": run, "track": track}).dropna().groupby("run")["track"].unique()
     if len(vehicles) < 2:
@@ -41,6 +43,9 @@ def require_own_runs(run: np.ndarray, track: np.ndarray, file: Path, column: str
             text = f"run {first} has {len(own)} vehicles, such as {own[0]:g}, and run {of_others} {len(others)}"
             remedy, row = "give their rows the run of the others, or remove them", int(np.argmax(run == name)) + 1
             raise bad_recording("recording-contradicts", text, remedy, file, column=column, row=row)
+    if time is not None:
+        rows = pd.DataFrame({"recording": run, "track_id": track, "time": time}).dropna().convert_dtypes()
+        require_own_rows(rows, str(file), column)
 
 
 def are_shared(track: np.ndarray, frame: np.ndarray, part: np.ndarray, other: np.ndarray) -> bool:
@@ -78,7 +83,7 @@ def without_blanks(names: pd.Series) -> pd.Series:
 
 
 def require_own_rows(rows: pd.DataFrame, file: str, column: str) -> None:
-    """Raise BadRecordingError if a recording of few vehicles is part of another one.
+    """Raise BadRecordingError if a recording of few vehicles or rows is part of another one.
 
     It is if its vehicles continue in the other one, or if the two names differ by case or blanks only. The rows have
     the columns `recording`, `track_id`, and `frame` or `time`; the error counts them from 1.
@@ -118,7 +123,12 @@ def _same_but_for_case(names: Sequence[str], n_vehicles: np.ndarray) -> list[tup
 
 def _continued(table: pd.DataFrame, n_vehicles: np.ndarray) -> list[tuple[int, int]]:
     """Pairs of recordings: one of few vehicles, and one that has the frame before or after those of each of them."""
-    few = [code for code, number in enumerate(n_vehicles) if are_few(int(number), int(n_vehicles.max()))]
+    n_rows = np.bincount(table["recording"], minlength=len(n_vehicles))
+    few = [
+        code
+        for code, number in enumerate(n_vehicles)
+        if are_few(int(number), int(n_vehicles.max())) or are_few(int(n_rows[code]), int(n_rows.max()))
+    ]
     ends = table[table["recording"].isin(few)].groupby(["recording", "track"])["frame"].agg(["min", "max"])
     ends = ends.reset_index()
     matches = []
@@ -131,7 +141,8 @@ def _continued(table: pd.DataFrame, n_vehicles: np.ndarray) -> list[tuple[int, i
     return [
         (int(part), int(other))
         for (part, other), number in zip(pairs, counts, strict=True)
-        if number == n_vehicles[part] and are_few(int(number), int(n_vehicles[other]))
+        if number == n_vehicles[part]
+        and (are_few(int(number), int(n_vehicles[other])) or are_few(int(n_rows[part]), int(n_rows[other])))
     ]
 
 

@@ -17,10 +17,12 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.leaders import without_absent
 from rearl_jax.data.checks.losses import Losses, reject
 from rearl_jax.data.checks.typed_table import RANGES
+from rearl_jax.data.checks.unit_checks import WRONG_SHARE
 from rearl_jax.data.files.delimited import read_csv, read_header
 from rearl_jax.data.files.folder import recordings_missing, tell_of_others_below, visible_files
 from rearl_jax.data.formats.highd_meta import read_recording_meta, read_tracks_meta, whole_tracks
 from rearl_jax.data.problems import Finding, bad_recording, file_missing, without_value
+from rearl_jax.data.roads.origin import from_its_beginning
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 LICENCE = "highD licence: non-commercial research on request, no redistribution"
@@ -173,7 +175,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
         to_right = table["direction"].to_numpy() == 2
         along = np.where(to_right, table["x"].to_numpy(), length - table["x"].to_numpy())
         table, info = table.assign(position=along), replace(info, road_length=length)
-    return Recording(info, table, dropped)
+    return from_its_beginning(Recording(info, table, dropped))
 
 
 def _read_tracks(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame:
@@ -188,11 +190,21 @@ def _read_tracks(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame
 
 
 def _no_lane(source: pd.DataFrame, meta: pd.DataFrame, markings: dict[int, tuple[float, ...]]) -> Finding | None:
-    """Rows whose laneId is neither a lane of their carriageway nor a stripe next to it, such as the median."""
+    """Rows whose laneId is neither a lane of their carriageway nor a stripe next to it, such as the median; and few
+    rows with a stripe of vehicles that are between the markings.
+    """
     lane_id, median = source["laneId"].to_numpy(), len(markings[1]) + 1
     upper = meta["drivingDirection"].reindex(source["track_id"].to_numpy()).to_numpy() == 1
-    first, last = np.where(upper, 1, median), np.where(upper, median, median + len(markings[2]))
-    bad = (lane_id < first) | (lane_id > last)
+    first, last = np.where(upper, 2, median + 1), np.where(upper, median - 1, median + len(markings[2]) - 1)
+    bad = (lane_id < first - 1) | (lane_id > last + 1)
+    y = source["y"].to_numpy() + 0.5 * source["height"].to_numpy()
+    for side in (1, 2):
+        here = upper == (side == 1)
+        beside = here & ~bad & ((lane_id < first) | (lane_id > last))
+        beside &= (y > min(markings[side])) & (y < max(markings[side]))
+        # If they are many, all ids count from another number.
+        if beside.sum() <= WRONG_SHARE * here.sum():
+            bad |= beside
     if not bad.any():
         return None
     row = int(np.argmax(bad))

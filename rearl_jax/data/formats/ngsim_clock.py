@@ -115,6 +115,15 @@ def _require_ms(track: np.ndarray, frame: np.ndarray, time: np.ndarray, path: Pa
         text = f"the times have lost digits: {np.mean(steps == 0.0):.0%} of them are as in the frame before"
         remedy = "export them with all digits, in milliseconds since 1970"
         raise bad_recording("time-contradicts-frame", text, remedy, path, column="Global_Time")
+    # In the order of time, because several recordings of the file have the same vehicles and frames.
+    order = np.lexsort((time, track))
+    follows = (np.diff(track[order]) == 0) & (np.diff(frame[order]) > 0)
+    growths = np.diff(time[order])[follows] / np.diff(frame[order])[follows]
+    growth = float(np.median(growths)) if growths.size else _PERIOD
+    if not 0.5 * _PERIOD < growth < 1.5 * _PERIOD:
+        text = f"the times grow by {growth:g} per frame, and not by {_PERIOD:g} ms"
+        remedy = "give milliseconds since 1970, and 10 frames per second"
+        raise bad_recording("wrong-units", text, remedy, path, column="Global_Time")
 
 
 def _require_one_place(rows: pd.DataFrame, start: np.ndarray, places: dict[str, np.ndarray], path: Path) -> None:

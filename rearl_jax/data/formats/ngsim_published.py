@@ -9,6 +9,7 @@ Data, DOI 10.21949/1504477.
 """
 
 import re
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -17,6 +18,7 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import BadRows, DataConfig
+from rearl_jax.data.checks.lateral_checks import is_below_first
 from rearl_jax.data.checks.leaders import without_absent
 from rearl_jax.data.checks.losses import Losses, reject, stop_or_count
 from rearl_jax.data.checks.typed_table import MAX_LANES, unknown_class
@@ -27,7 +29,8 @@ from rearl_jax.data.files.text_layout import first_lines, first_names
 from rearl_jax.data.formats.ngsim import ATTRIBUTION, CLASSES, FRAME_RATE, LANES, LICENCE, US101_LENGTH
 from rearl_jax.data.formats.ngsim_clock import ARTERIALS, impossible_times, places_of, recordings_of
 from rearl_jax.data.formats.published_names import by_plain_name, plain, unit_stated
-from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, require_columns
+from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, require_columns, source_row
+from rearl_jax.data.roads.origin import from_its_beginning
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.units import SI_FACTOR, to_si
 
@@ -127,13 +130,12 @@ class PublishedFile:
             # A repeated row is not a fault of the vehicle, so drop_track, too, keeps the first of the two rows.
             stop_or_count(chosen, finding, info, self._policy, losses)
             table = table.iloc[np.flatnonzero(~twice)]
-        no_lane = (table["lane"] < 0).to_numpy()
-        if no_lane.any():
-            text = f"Lane_ID {table['lane'].iloc[int(np.argmax(no_lane))] + 1:g} is not a lane, they count from 1"
-            finding = Finding("lane_out_of_range", "lane", no_lane, text, "correct the Lane_ID")
-            table = reject(table, finding, info, self._policy, losses)
+        table = reject(table, _no_lane(table, self.path), info, self._policy, losses)
         table = reject(table, unknown_class(table, info, self._policy, _CODES), info, self._policy, losses)
-        return Recording(info, *validate(table, info, self._policy, losses))
+        table, dropped = validate(table, info, self._policy, losses)
+        # From the rows that are left, because a bad row must not add lanes or lengthen the road.
+        info = replace(info, lane_count={1: _n_lanes(recording, table)}, road_length=_road_length(recording, table))
+        return from_its_beginning(Recording(info, table, dropped))
 
     @cached_property
     def _rows(self) -> tuple[pd.DataFrame, dict[str, int]]:
@@ -229,8 +231,8 @@ def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataF
     info = RecordingInfo(
         id=recording,
         frame_rate=FRAME_RATE,
-        lane_count={1: LANES.get(place, min(int(_largest(lane)), MAX_LANES))},
-        road_length=US101_LENGTH if place == "us101" else _largest(source["front"]),
+        lane_count={1: LANES.get(place, MAX_LANES)},
+        road_length=1.0,
         source=f"NGSIM {place}",
         licence=LICENCE,
         attribution=ATTRIBUTION,
@@ -260,6 +262,33 @@ def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataF
     return pd.DataFrame(columns, index=rows.index), info
 
 
-def _largest(values: np.ndarray) -> float:
-    """The largest number, at least 1; the schema check finds values that are not numbers."""
-    return float(np.max(values, where=np.isfinite(values), initial=1.0))
+def _no_lane(table: pd.DataFrame, path: Path) -> Finding | None:
+    """Finding of rows whose Lane_ID is not a lane.
+
+    Raises:
+        BadRecordingError: All lanes are counted from 0.
+    """
+    lane = table["lane"].to_numpy(np.float64)
+    no_lane = (lane < 0) | (lane >= MAX_LANES)
+    if not no_lane.any():
+        return None
+    if (below := is_below_first(lane, table["lateral"].to_numpy())).any():
+        text = f"Lane_ID counts from {lane[below].min() + 1:g} at the left"
+        remedy, row = "count lanes from 1, as in the published tables", source_row(table, below)
+        raise bad_recording("wrong-origin", text, remedy, path, column="Lane_ID", row=row)
+    text = f"Lane_ID {lane[np.argmax(no_lane)] + 1:g} is not a lane, they are 1 to {MAX_LANES}"
+    return Finding("lane_out_of_range", "lane", no_lane, text, "correct the Lane_ID")
+
+
+def _n_lanes(recording: str, table: pd.DataFrame) -> int:
+    """Number of lanes of the place, or up to the last one that a row states."""
+    used = table["lane"].to_numpy(dtype=np.float64, na_value=0.0)
+    return LANES.get(recording.rpartition("_")[0], int(used.max()) + 1)
+
+
+def _road_length(recording: str, table: pd.DataFrame) -> float:
+    """Length of the recorded road [m]: the furthest front."""
+    if recording.startswith("us101_"):
+        return US101_LENGTH
+    front = table["position"].to_numpy() + 0.5 * table["length"].to_numpy()
+    return max(float(front.max()), 1.0)

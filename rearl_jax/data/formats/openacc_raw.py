@@ -45,6 +45,7 @@ _KINDS = {"Time": "s", "Speed": "m/s", "IVS": "m", "E": "m", "N": "m"}  # SI uni
 _FIRST_CELL = re.compile(r"\s*[,;\t]")  # end of a first cell
 _NOT_RUNS = ("specification", INDEX_FILE)
 _DRIVER = {"acc": "1", "human": "0"}
+_PAIR_TOLERANCE = 3.0  # m; more than the lengths of cars and the places of their receivers differ
 _RECEIVER_TOLERANCE = 1.0  # m; gaps between bumpers are a car length shorter than distances between receivers
 
 
@@ -216,26 +217,36 @@ def _require_speeds(header: Header, spelt: list[str], path: Path) -> None:
 
 
 def _on_receivers(wide: pd.DataFrame, platoon: Platoon) -> tuple[str, ...]:
-    """Note on the difference between the distances of neighbouring receivers and the stated gaps."""
-    differences = []
+    """Notes on the differences between the distances of neighbouring receivers and the stated gaps: the median of all,
+    and pairs of cars with another one.
+    """
+    differences, of_pairs = [], dict[int, float]()
     for k in range(platoon.first, platoon.last):
         names = [f"{name}{number}" for name in "EN" for number in (k, k + 1)]
         if set(names) <= set(wide.columns):
             east, east_behind, north, north_behind = (wide[name].to_numpy() for name in names)
-            differences.append(np.hypot(east - east_behind, north - north_behind) - wide[f"IVS{k}"].to_numpy())
+            values = np.hypot(east - east_behind, north - north_behind) - wide[f"IVS{k}"].to_numpy()
+            differences.append(values[np.isfinite(values)])
+            if differences[-1].size:
+                of_pairs[k] = float(np.median(differences[-1]))
     values = np.concatenate(differences) if differences else np.empty(0)
-    values = values[np.isfinite(values)]
     if not values.size:
         return ()
     difference = round(float(np.median(values)), 1) + 0.0  # + 0.0 makes -0.0 positive
     bumpers, receivers = "the gaps are those between bumpers", "the gaps seem to be those of receivers, a car too long"
     reading = bumpers if difference > _RECEIVER_TOLERANCE else receivers
-    return (f"receivers of neighbours are {difference:.1f} m further apart than the gaps (median): {reading}",)
+    notes = [f"receivers of neighbours are {difference:.1f} m further apart than the gaps (median): {reading}"]
+    usual = float(np.median(list(of_pairs.values())))
+    for k, of_pair in of_pairs.items():
+        if abs(of_pair - usual) > _PAIR_TOLERANCE:
+            text = f"receivers of vehicles {k} and {k + 1} are {of_pair + 0.0:.1f} m further apart than IVS{k}"
+            notes.append(f"{text}, most others {usual + 0.0:.1f} m: its gap may be measured between other points")
+    return tuple(notes)
 
 
 def _acc_of_run(header: Header, path: Path) -> str | None:
     """Label `acc` of all cars of a run, if it is stated for the run and not for single cars; else None."""
-    stated = header.about["ACC"]
+    stated = tuple(word.removesuffix(".0") for word in header.about["ACC"])
     if stated not in ((), ("0",), ("1",), ("2",)):
         text = f"ACC is {','.join(stated)}, not 0, 1, 2 or nothing"
         raise bad_recording("label-unusable", text, "write 0, 1 or 2", path, column="ACC")

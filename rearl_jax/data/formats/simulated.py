@@ -13,11 +13,13 @@ import pandas as pd
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import clock
+from rearl_jax.data.checks.frame_rates import phase_of, require_distinct_times, usual_rate_of
 from rearl_jax.data.checks.losses import Losses, reject, split_tracks
 from rearl_jax.data.checks.placeholders import is_placeholder
 from rearl_jax.data.checks.typed_table import MAX_LANES, MAX_MAGNITUDE
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.roads.main_road import Steps, main_road
+from rearl_jax.data.roads.origin import from_its_beginning
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 FIELDS = ("time", "track_id", "link", "lane", "front", "speed", "length", "vehicle_class")
@@ -33,6 +35,7 @@ LANE_STEP = 4.0
 # Columns of FIELDS whose values must be known.
 _KNOWN = ("time", "track_id", "link", "lane", "front", "speed", "length")
 _CLOCK_TOLERANCE = 0.05  # of a time step; largest deviation of a time from the steps of the simulation
+_MAX_ROUNDING = 0.45  # of a time step; from half a step on, rounded times are not those of one step
 _MAX_TIME = 1e8  # s, three years
 _MAX_NAMED_LINKS = 3  # links that a note names
 _MIN_LANE_ROWS = 3  # rows from which on a lane counts as used
@@ -133,7 +136,7 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
     shifted = ("position",) if "hx" in rows else ("position", "x")
     table = table.assign(**{name: table[name] - start for name in shifted}) if start else table
     end = float(np.max(table["position"].to_numpy() + half))
-    return Recording(replace(info, road_length=end), table, dropped)
+    return from_its_beginning(Recording(replace(info, road_length=end), table, dropped))
 
 
 def _comes_back(track: np.ndarray, on_road: np.ndarray) -> np.ndarray:
@@ -172,12 +175,18 @@ def _on_clock(
     time = np.clip(rows["time"].to_numpy(np.float64), -2.0 * _MAX_TIME, 2.0 * _MAX_TIME)
     track = rows["track_id"].to_numpy()
     order = np.lexsort((time, track))
-    steps = np.diff(time[order])[np.diff(track[order]) == 0]
-    steps, column = steps[steps > 0.0], info.columns.get("time", "time")
+    same, column = np.diff(track[order]) == 0, info.columns.get("time", "time")
+    moved = np.abs(np.diff(rows["front"].to_numpy(np.float64)[order]))
+    require_distinct_times(np.diff(time[order])[same], moved[same], info.file, column)
+    steps = np.diff(time[order])[same]
+    steps = steps[steps > 0.0]
     if not steps.size:
         text, remedy = "no vehicle has rows at two times", "write the positions of every time step"
         raise bad_recording("frame-rate-unknown", text, remedy, info.file, column=column)
-    rate = clock.rate_of(float(np.median(steps)), 0.0)
+    # Steps of 1/30 s are written as 0.03 and 0.04 s.
+    is_rounded = np.mean(np.abs(steps - np.median(steps)) > _CLOCK_TOLERANCE * steps) > clock.MAX_IRREGULAR_SHARE
+    n_tracks = len(np.unique(track))
+    rate = (usual_rate_of(steps, n_tracks) if is_rounded else None) or clock.rate_of(float(np.median(steps)), 0.0)
     least, most = clock.PLAUSIBLE_RATES
     if not least <= rate <= most:
         text = f"vehicles have a row every {1.0 / rate:.4g} s"
@@ -186,7 +195,11 @@ def _on_clock(
     steps_since_zero = time * rate
     # Relative to the time of a row near the median; the mean of two middle times might be between two steps.
     since = steps_since_zero - np.sort(steps_since_zero)[len(steps_since_zero) // 2]
-    off = (np.abs(since - np.rint(since)) > _CLOCK_TOLERANCE) | (np.abs(time) > _MAX_TIME)
+    allowed = _CLOCK_TOLERANCE
+    if is_rounded:
+        since = steps_since_zero - phase_of(steps_since_zero)
+        allowed = min(0.505 * clock.resolution(time) * rate + _CLOCK_TOLERANCE, _MAX_ROUNDING)
+    off = (np.abs(since - np.rint(since)) > allowed) | (np.abs(time) > _MAX_TIME)
     if off.any():
         text = f"time {time[int(np.argmax(off))]:g} s is none of the time steps, which are {1.0 / rate:g} s apart"
         finding = Finding("bad_time", "time", off, text, "write all vehicles at the same time steps")

@@ -73,6 +73,9 @@ def _spelling(path: Path) -> dict[str, str]:
     """Name in a table of every column, by its name in XML."""
     found = column_names(path) if path.suffix.lower() == ".parquet" else read_header(path)
     plain = _plain(found)
+    if 2 * len({*NUMBERS, *TEXTS} & set(plain)) < len((*NUMBERS, *TEXTS)):
+        text = f"the file is not floating car data: its columns are {', '.join(found[:8])}"
+        raise bad_recording("not-a-table", text, "move it out of the folder", path)
     require_columns(plain, (*NUMBERS, *TEXTS), path)
     return {name: plain[name] for name in _KINDS if name in plain}
 

@@ -50,7 +50,7 @@ def elements(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
                 raise CutOff(fault.lineno)
             if fault is not None:
                 text = f"the line is not XML ({expat.ErrorString(fault.code)})"
-                remedy = "the file is damaged: write or copy it again"
+                remedy = "write or copy the file again, or move it out of the folder if it is none of SUMO's"
                 raise bad_recording("not-xml", text, remedy, path, line=fault.lineno)
 
 

@@ -18,7 +18,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from rearl_jax.config.data import BadRows, DataConfig
-from rearl_jax.data.checks.frame_rates import frame_rate_of, frames_of
+from rearl_jax.data.checks.frame_rates import frame_rate_of, frames_of, require_distinct_times
 from rearl_jax.data.checks.losses import Losses, reject
 from rearl_jax.data.checks.placeholders import nowhere
 from rearl_jax.data.checks.stray_rows import require_own_runs
@@ -96,15 +96,16 @@ def runs(path: Path, policy: DataConfig) -> dict[str, int | None]:
     name = f"tgsim_{_place(path)}"
     if "run" not in names:
         return {name: None}
-    rows, _ = read_csv(path, {names[name]: pa.int64() for name in ("run", "track_id")}, policy.on_bad)
+    kinds = {names["run"]: pa.int64(), names["track_id"]: pa.int64(), names["time"]: pa.float64()}
+    rows, _ = read_csv(path, kinds, policy.on_bad)
     if not rows.num_rows:
         raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
     _without_run(rows, names["run"], path, policy)
     found = sorted(run for run in rows[names["run"]].unique().to_pylist() if run is not None)
     if not found:
         raise bad_recording("no-row-left", "no row states its run", _RUN_REMEDY, path, column=names["run"])
-    run, track = (rows[names[name]].to_numpy(zero_copy_only=False) for name in ("run", "track_id"))
-    require_own_runs(run, track, path, names["run"])
+    run, track, time = (rows[names[name]].to_numpy(zero_copy_only=False) for name in ("run", "track_id", "time"))
+    require_own_runs(run, track, path, names["run"], time)
     return {f"{name}_{run}": run for run in found}
 
 
@@ -139,6 +140,8 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
     # Before the road is found, because its length and its axis follow from all places.
     rows = reject(rows, nowhere(rows, "x", "y"), info, policy, losses)
     time, follows = rows["time"].to_numpy(np.float64), follows_row_before(rows["track_id"].to_numpy())
+    moved = np.abs(np.diff(rows["x"].to_numpy(np.float64))) + np.abs(np.diff(rows["y"].to_numpy(np.float64)))
+    require_distinct_times(np.diff(time)[follows[1:]], moved[follows[1:]], path, names["time"])
     rate = frame_rate_of(np.diff(time)[follows[1:]], path, names["time"])
     frame, of_times = frames_of(time, np.flatnonzero(~follows), rate)
     road = _straight(rows, info)
@@ -250,7 +253,7 @@ def _lane_notes(road: Straightened) -> list[str]:
 
 def _classes(words: pd.Series) -> pd.Series:
     """Classes of the schema; an unknown word stays, and the schema check reports it."""
-    plain_words = words.str.casefold().str.replace(r"[-_ ]+", " ", regex=True).str.strip().str.removesuffix(".0")
+    plain_words = words.str.casefold().str.replace(r"(?<=\w)[-_ ]+", " ", regex=True).str.strip().str.removesuffix(".0")
     return plain_words.map(_CLASSES).fillna(words).astype(object)
 
 

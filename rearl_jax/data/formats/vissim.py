@@ -27,6 +27,7 @@ from rearl_jax.data.formats.simulated import Simulation, info_of, recording_of
 from rearl_jax.data.problems import bad_recording, require_columns
 from rearl_jax.data.records import Recording
 from rearl_jax.data.units import UNITS, to_si, unit_named
+from rearl_jax.data.vehicle_classes import CLASSES, class_of
 
 LANE_WIDTH = 3.5
 """Width of a lane [m]; Vissim's default, the records do not state it."""
@@ -224,6 +225,7 @@ def _links(numbers: np.ndarray) -> pd.Categorical:
 
 
 def _class_of(kind: str) -> str | None:
-    """Class of a type such as 100 or 100: Car; None for one that is not Vissim's own."""
+    """Class of a type such as 100, 100: Car or 1001: HGV; None for a number or word that is not known."""
     number = re.match(r"\s*(\d+)", kind)
-    return _CLASS.get(int(number[1])) if number else None
+    word = class_of(kind[number.end() if number else 0 :].strip(" :"))
+    return (_CLASS.get(int(number[1])) if number else None) or (word if word in CLASSES else None)

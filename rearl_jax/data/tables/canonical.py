@@ -27,7 +27,7 @@ from rearl_jax.data.files.text_layout import layout_of
 from rearl_jax.data.problems import BadRecordingError, bad_recording, recording_unnamed, source_row
 from rearl_jax.data.schema import COLUMNS, Recording, RecordingInfo, validate
 from rearl_jax.data.tables.completion import completed
-from rearl_jax.data.tables.row_info import info_of_rows
+from rearl_jax.data.tables.row_info import info_of_rows, with_lanes_left
 from rearl_jax.data.tables.spelling import ENDS, Spelling, on_unread, require_needed_columns, spelling_of
 from rearl_jax.data.tables.track_names import IDS, MAX_EXACT_ID
 from rearl_jax.problems import InvalidInputError, Problem
@@ -122,7 +122,8 @@ class TableFile:
         info = replace(info, notes=tuple(dict.fromkeys([*info.notes, *notes, *self._remarks, *unread])))
         info = replace(info, columns=spelling.foreign)
         info = with_labels(info, (*labels, *added), [*further, *added])
-        return Recording(info, *validate(rows, info, self._policy, losses))
+        found = Recording(info, *validate(rows, info, self._policy, losses))
+        return found if recording in stated else with_lanes_left(found)
 
     def _require_known(self, stated: dict[str, RecordingInfo]) -> None:
         """Raises BadRecordingError if metadata are stated, but for none of the recordings of the file."""

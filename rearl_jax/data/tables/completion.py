@@ -14,9 +14,9 @@ from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, USUAL_WIDTH, la
 from rearl_jax.data.checks.placeholders import is_placeholder
 from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording, source_row
+from rearl_jax.data.roads.origin import DISTANT_ORIGIN
 from rearl_jax.data.roads.ring import unrolled
 from rearl_jax.data.tables.moments import seconds_of
-from rearl_jax.data.tables.row_info import DISTANT_ORIGIN
 from rearl_jax.data.tables.spelling import ENDS, Spelling, require_needed_columns
 from rearl_jax.data.tables.track_names import LABEL, numbered
 

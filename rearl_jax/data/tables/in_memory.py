@@ -17,7 +17,7 @@ from rearl_jax.data.reader import Entry
 from rearl_jax.data.records import Recording
 from rearl_jax.data.schema import COLUMNS, validate
 from rearl_jax.data.tables.completion import completed
-from rearl_jax.data.tables.row_info import info_of_rows
+from rearl_jax.data.tables.row_info import info_of_rows, with_lanes_left
 from rearl_jax.data.tables.spelling import on_unread, require_needed_columns, spelling_of
 
 NAME = "table"
@@ -99,7 +99,7 @@ class _Rows:
         unread = on_unread(spelling, data, [name for name in further if name not in labels])
         info = replace(info, notes=(*info.notes, *notes, *unread), columns=spelling.foreign)
         info = with_labels(info, (*labels, *added), [*further, *added])
-        return Recording(info, *validate(rows, info, data))
+        return with_lanes_left(Recording(info, *validate(rows, info, data)))
 
     @cached_property
     def _names(self) -> np.ndarray:

@@ -1,20 +1,21 @@
 """Frame rate, lanes, road length and road origin of a recording, derived from its rows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks import clock
-from rearl_jax.data.checks.placeholders import is_placeholder
-from rearl_jax.data.checks.typed_table import MAX_LANES
+from rearl_jax.data.checks.placeholders import is_far, is_placeholder
+from rearl_jax.data.checks.typed_table import MAX_LANES, RANGES
 from rearl_jax.data.checks.unit_checks import MIN_SPEED, UNIT_RATIOS
 from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording
-from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.records import Recording, RecordingInfo
+from rearl_jax.data.roads.origin import is_distant
 from rearl_jax.data.units import SI_FACTOR, to_si
 
 DERIVED = "frame rate, lanes and road length derived from the rows"
-DISTANT_ORIGIN = 1000.0
-"""First position [m] above which the origin is outside the road, if this position also exceeds the road length."""
 ENTRY_MARGIN = 20.0
 """Largest distance [m] of a vehicle before the upstream edge; such a vehicle has not yet entered the view."""
 PROJECTED_COORDINATE = 1e5
@@ -78,6 +79,16 @@ def info_of_rows(
     return rows, info
 
 
+def with_lanes_left(recording: Recording) -> Recording:
+    """The recording with the lanes of the rows that are left, if rows were dropped: a bad row must not add lanes."""
+    if not recording.dropped:
+        return recording
+    direction = recording.table["direction"].to_numpy()
+    lane = recording.table["lane"].to_numpy(dtype=np.float64, na_value=0.0)
+    lanes = {int(side): int(lane[direction == side].max()) + 1 for side in np.unique(direction)}
+    return replace(recording, info=replace(recording.info, lane_count=lanes))
+
+
 def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -> tuple[float, str, bool]:
     """Frames per second, the unit of the times, and whether the rate follows from the motion of the vehicles."""
     found = clock.period_of(values["track_id"], values["frame"], values["time"])
@@ -93,8 +104,14 @@ def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -
             remedy = "local times repeat an hour at the end of summer time: write them in UTC or with their offset"
         raise bad_recording("frame-rate-unknown", text, remedy, file, column=column)
     period, uncertainty = found
-    scale = None if is_in_seconds else _steps_over_speed(values, period)
-    unit = "s" if is_in_seconds else clock.unit_of(period, scale, UNIT_RATIOS.values())
+    scale = _steps_over_speed(values, period)
+    unit = clock.unit_of(period, scale, () if is_in_seconds else UNIT_RATIOS.values())
+    if is_in_seconds:
+        is_usual = clock.PLAUSIBLE_RATES[0] <= 1.0 / period <= clock.PLAUSIBLE_RATES[1]
+        if not is_usual and unit not in (None, "s"):
+            text = f"by the stated unit rows of a vehicle are {period:g} s apart: the times look like {unit}"
+            raise bad_recording("wrong-units", text, f"state 'data.units={{time: {unit}}}'", file, column="time")
+        unit = "s"
     if unit is None:
         text = f"the unit of time cannot be determined: it grows by {10.0 * period:g} per 10 frames"
         hint = "'data.units={time: ms}'"
@@ -155,7 +172,9 @@ def _from_upstream_edge(
     Positions that already begin near 0 stay as they are.
     """
     notes: tuple[str, ...] = ()
-    position, half = values["position"].copy(), 0.5 * np.nan_to_num(values["length"])
+    position, length = values["position"].copy(), values["length"]
+    least, most = RANGES["length"]
+    half = np.where((length >= least) & (length <= most), 0.5 * length, 0.0)
     road = 0.0
     for direction in (1, 2):
         here = np.flatnonzero((values["direction"] == direction) & _is_place(position))
@@ -163,7 +182,7 @@ def _from_upstream_edge(
             continue
         here = here[_near_others(position[here])]
         first, last = float(np.min((position - half)[here])), float(np.max((position + half)[here]))
-        if first < -ENTRY_MARGIN or last <= 0.0 or (first > DISTANT_ORIGIN and first > last - first):
+        if first < -ENTRY_MARGIN or last <= 0.0 or is_distant(first, last):
             on_carriageway = values["direction"] == direction
             position[on_carriageway] -= first
             last -= first
@@ -181,10 +200,11 @@ def _from_upstream_edge(
 
 
 def _near_others(position: np.ndarray) -> np.ndarray:
-    """Mask of the positions near the middle 98 % of all; positions of damaged rows are far away."""
-    low, high = np.quantile(position, (0.01, 0.99))
+    """Mask of the positions near the middle 98 % of all that are not impossible; those of damaged rows are far away."""
+    sound = ~is_far(position)
+    low, high = np.quantile(position[sound], (0.01, 0.99))
     reach = high - low + ENTRY_MARGIN
-    return (position >= low - reach) & (position <= high + reach)
+    return sound & (position >= low - reach) & (position <= high + reach)
 
 
 def _is_place(values: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks.leaders import is_absent
+from rearl_jax.data.checks.placeholders import is_placeholder
 from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording, source_row
 
@@ -54,6 +55,7 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
         f"1 is {names[0]}; the label {LABEL} holds them"
     ]
     if "leader_id" in rows:
+        _require_exact_leaders(pd.Series(rows["leader_id"]), file, spelling.get("leader_id", "leader_id"))
         leader = _as_texts(pd.Series(rows["leader_id"]))
         code = pd.Series(np.arange(1.0, len(names) + 1.0), index=names)
         has_none = leader.isna() | (leader.str.lower().isin(NO_LEADER) & ~leader.isin(names))
@@ -105,6 +107,18 @@ def _require_all_digits(texts: pd.Series, rows: pd.DataFrame, file: str, column:
         raise bad_recording("ids-rounded", text, remedy, file, column=column, row=source_row(rows, twice))
 
 
+def _require_exact_leaders(leaders: pd.Series, file: str, column: str) -> None:
+    """Raise BadRecordingError for leaders that are float64 numbers too large to be exact, as of a column with gaps."""
+    if not pd.api.types.is_float_dtype(leaders.dtype):
+        return
+    size = leaders.abs().to_numpy(np.float64, na_value=np.nan)
+    inexact = (size > MAX_EXACT_ID) & ~is_placeholder(size)
+    if inexact.any():
+        text = "ids of leaders have lost digits: the column holds float64 numbers beyond 2^53"
+        remedy = "write them in full, as whole numbers or texts"
+        raise bad_recording("ids-rounded", text, remedy, file, column=column, row=source_row(leaders, inexact))
+
+
 def _texts(ids: pd.Series) -> pd.Series | None:
     """The ids as texts; None if they are numbers that stay as they are."""
     if pd.api.types.is_integer_dtype(ids.dtype):
@@ -114,8 +128,9 @@ def _texts(ids: pd.Series) -> pd.Series | None:
 
 def _as_texts(ids: pd.Series) -> pd.Series:
     known = ids.notna().to_numpy()
-    if pd.api.types.is_float_dtype(ids.dtype) and (ids[known] == np.rint(ids[known])).all():
-        ids = ids.astype(object).where(known, 0).astype(np.int64)  # 7 is written 7, not 7.0
+    if pd.api.types.is_float_dtype(ids.dtype) and (np.isfinite(ids[known]) & (ids[known] == np.rint(ids[known]))).all():
+        whole = [int(number) if is_known else 0 for number, is_known in zip(ids, known, strict=True)]
+        ids = pd.Series(whole, ids.index, object)  # 7 is written 7, not 7.0
     texts = pd.Series(np.full(len(ids), None, dtype=object), index=ids.index)
     texts[known] = pd.Series(ids[known]).astype(str).str.strip()
     return pd.Series(texts.where(texts != "", None))

@@ -72,3 +72,12 @@ def test_a_recording_that_was_cut_in_two_and_one_of_a_single_vehicle_are_read(ro
     assert _read(halves, path) == {"cam1": 159, "cam2": 141}
     single = rows.assign(recording=np.where(rows["track_id"] == 3, "drive", "cam1"), leader_id=np.nan)
     assert _read(single, path) == {"cam1": 200, "drive": 100}
+
+
+def test_scattered_rows_of_many_vehicles_under_another_name_stop(rows, tmp_path):
+    strange = np.zeros(len(rows), dtype=bool)
+    strange[[20, 50, 130, 160, 240]] = True
+    changed = rows.assign(recording=rows["recording"].mask(strange, "cam2"))
+    for path in (None, tmp_path / "a.csv"):
+        with refused("recording-contradicts", column="recording", row=21):
+            _read(changed, path)

@@ -99,6 +99,18 @@ def test_a_single_wrong_lane_id_does_not_move_the_lanes_of_others(tracks):
     pd.testing.assert_frame_equal(dropped.table, left, check_categorical=False)
 
 
+@pytest.mark.parametrize(("track", "lane_id"), [(1, 1), (1, 4), (2, 4), (2, 7)])
+def test_a_stripe_beside_the_lanes_is_no_lane_of_a_vehicle_between_the_markings(tracks, track, lane_id):
+    table = pd.read_csv(tracks)
+    few = table.index[table["id"] == track][20:30]
+    _edit(tracks, lambda t: t.assign(laneId=t["laneId"].where(~t.index.isin(few), lane_id)))
+    with refused("lane-out-of-range", column="laneId", row=few[0] + 1):
+        read_recording(tracks, STOP)
+    dropped = read_recording(tracks, DataConfig(on_bad=BadRows.drop_row))
+    assert dropped.dropped["lane_out_of_range"] == 10
+    assert dict(dropped.info.lane_count) == {1: 2, 2: 2}
+
+
 @pytest.mark.parametrize("lane_id", [0, -1, 8, 5])
 def test_a_vehicle_on_no_lane_of_its_carriageway_does_not_move_the_lanes_of_others(tracks, lane_id):
     _edit(tracks, lambda t: t.assign(laneId=t["laneId"].where(t["id"] != 1, lane_id)))

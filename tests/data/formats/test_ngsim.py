@@ -174,6 +174,22 @@ def test_a_table_in_metres_and_an_unknown_class_are_found(tmp_path):
         PublishedFile(find_published(tmp_path)[0], STOP).read("us101_0750")
 
 
+def test_a_bad_row_adds_no_lane_and_does_not_lengthen_the_road(tmp_path):
+    rows = published().assign(Location="ngsim")
+    sound = _write(tmp_path, rows).read("ngsim_0750").info
+    assert sound.lane_count == {1: 3}
+    rows.loc[70, "Lane_ID"], rows.loc[90, "Local_Y"] = 99, 99999.0
+    recording = _write(tmp_path, rows).read("ngsim_0750")
+    assert recording.dropped["lane_out_of_range"] == 1
+    assert (recording.info.lane_count, recording.info.road_length) == (sound.lane_count, sound.road_length)
+
+
+def test_lanes_that_count_from_0_stop_instead_of_losing_one(tmp_path):
+    rows = published()
+    with refused("wrong-origin", column="Lane_ID", row=1):
+        _write(tmp_path, rows.assign(Lane_ID=rows["Lane_ID"] - 2)).read("us101_0750")
+
+
 def test_missing_columns_and_values_stop(tmp_path):
     _write(tmp_path, published().drop(columns="v_Vel"))
     with refused("column-missing", column="v_Vel"):

@@ -195,3 +195,17 @@ def test_a_text_table_of_an_arterial_is_named(tmp_path):
     (tmp_path / "lankershim.txt").write_text(f"{line}\n{line}\n")
     with refused("format-unsupported", file=str(tmp_path / "lankershim.txt")):
         PublishedFile(tmp_path / "lankershim.txt", DataConfig()).recordings()
+
+
+def test_times_that_do_not_grow_by_a_frame_are_in_another_unit(tmp_path):
+    rows = published()
+    with refused("wrong-units", column="Global_Time"):
+        _file(tmp_path, rows.assign(Global_Time=rows["Global_Time"] / 100)).recordings()
+
+
+def test_positions_on_a_map_begin_at_0(tmp_path):
+    rows = published().drop(columns="Location")
+    far = _file(tmp_path, rows.assign(Local_Y=rows["Local_Y"] + 1.87e6)).read("ngsim_0750")
+    near = _file(tmp_path, rows).read("ngsim_0750")
+    assert far.info.road_length < near.info.road_length
+    assert far.table["position"].min() < 10.0

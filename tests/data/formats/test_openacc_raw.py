@@ -280,3 +280,16 @@ def test_a_speed_with_another_clock_is_noted(tmp_path):
     openacc_files.write(tmp_path, openacc_files.run_of(DISTINCT))
     (run,) = read(tmp_path)
     assert not any("clocks" in note for note in run.info.notes)
+
+
+def test_whole_numbers_above_the_table_may_have_a_fraction_of_0(tmp_path):
+    (run,) = read(openacc_files.write(tmp_path, openacc_files.run_of(TABLE, acc="1.0")))
+    assert set(run.table["acc"]) == {"1"}
+
+
+def test_a_single_gap_between_other_points_is_noted(tmp_path):
+    table = {**TABLE, "IVS2": TABLE["IVS2"] - openacc_files.LENGTH}
+    (run,) = read(openacc_files.write(tmp_path, openacc_files.run_of(table)))
+    assert [note for note in run.info.notes if "vehicles 2 and 3 are" in note and "IVS2" in note]
+    (sound,) = read(openacc_files.write(tmp_path, TEXT))
+    assert not [note for note in sound.info.notes if "most others" in note]

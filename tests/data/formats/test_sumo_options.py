@@ -78,3 +78,30 @@ def test_a_mesoscopic_simulation_is_named(tmp_path):
     sumo_files.write(tmp_path, re.sub(r' lane="(\w+|:\w+)_\d"', r' edge="\1"', TEXT))
     with refused("format-unsupported", column="lane"):
         read(tmp_path)
+
+
+@pytest.mark.parametrize("rate", [15.0, 30.0, 60.0])
+def test_times_of_two_decimals_tell_the_time_step(tmp_path, rate):
+    rows = []
+    for step in range(150):
+        for i in range(4):
+            front = round(20.0 + 40.0 * i + 24.0 * step / rate, 3)
+            place = {"x": front, "y": 0.0, "angle": 90.0, "type": "pkw", "speed": 24.0, "pos": front, "lane": "main_0"}
+            rows.append({"time": round(step / rate, 2), "id": f"flow.{i}", **place})
+    recording = read(sumo_files.write(tmp_path, sumo_files.csv_of(rows), "fcd.csv"))
+    assert recording.info.frame_rate == rate
+    assert len(recording.table) == len(rows)
+
+
+def test_times_in_whole_seconds_are_too_coarse(tmp_path):
+    rows = [row | {"time": round(float(row["time"]))} for row in sumo_files.rows()]
+    sumo_files.write(tmp_path, sumo_files.xml_of(rows))
+    with refused("times-too-coarse", column="time"):
+        read(tmp_path)
+
+
+def test_another_table_in_the_folder_is_named(tmp_path):
+    sumo_files.write(tmp_path, sumo_files.csv_of(sumo_files.rows()), "fcd.csv")
+    (tmp_path / "summary.csv").write_text("time;loaded\n0;1\n")
+    with refused("not-a-table", file=str(tmp_path / "summary.csv")):
+        read(tmp_path)

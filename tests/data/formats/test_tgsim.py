@@ -228,3 +228,20 @@ def test_places_that_stand_for_none_do_not_lengthen_the_road(rows, read):
     (recording,) = read(changed, BadRows.drop_row)
     assert recording.dropped["out_of_range"] == unknown.sum()
     assert recording.info.road_length == pytest.approx(expected.info.road_length, abs=1.0)
+
+
+def test_scattered_rows_in_another_run_stop(rows, read):
+    strange = np.arange(len(rows)) % 97 == 50
+    with refused("recording-contradicts", column="run-index", row=51):
+        read(rows.assign(**{"run-index": rows["run-index"].mask(strange, 2)}), BadRows.drop_row)
+
+
+def test_times_in_whole_seconds_stop_instead_of_losing_most_rows(rows, read):
+    with refused("times-too-coarse", column="time"):
+        read(rows.assign(time=rows["time"].round()), BadRows.drop_row)
+
+
+def test_minus_1_is_no_class(rows, read):
+    unknown = np.arange(len(rows)) % 97 == 50
+    with refused("unknown-class", column="type-most-common", row=51):
+        read(rows.assign(**{"type-most-common": rows["type-most-common"].mask(unknown, "-1")}))

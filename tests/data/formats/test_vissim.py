@@ -152,3 +152,17 @@ def test_a_lateral_position_in_percent_is_named_by_its_column(tmp_path):
     rows = [[*row[:5], 100.0 * row[5], *row[6:]] for row in ROWS]
     with refused("wrong-origin", column="POSLAT"):
         read(vissim_files.write(tmp_path, vissim_files.record_of(rows)))
+
+
+def test_types_with_words_have_the_class_of_the_word(tmp_path):
+    text = vissim_files.record_of(vissim_files.rows()).replace(";100;", ";1001: Car;").replace(";200;", ";HGV;")
+    assert set(read(vissim_files.write(tmp_path, text)).table["vehicle_class"]) == {"car", "truck"}
+
+
+def test_positions_far_from_the_beginning_of_the_link_begin_at_0(tmp_path):
+    rows = [row for row in vissim_files.rows() if row[2] == 1]
+    near = read(vissim_files.write(tmp_path, vissim_files.record_of(rows)))
+    far = [[*row[:4], row[4] + 50_000.0, *row[5:]] for row in rows]
+    recording = read(vissim_files.write(tmp_path, vissim_files.record_of(far)))
+    assert recording.info.road_length == pytest.approx(near.info.road_length, abs=10.0)
+    assert recording.table["position"].min() < 10.0

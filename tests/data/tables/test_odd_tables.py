@@ -282,3 +282,15 @@ def test_times_that_go_back_are_named(rows):
     with refused("frame-rate-unknown", column="time") as stopped:
         read_rows(rows.assign(time=back))
     assert "UTC" in stopped.value.problem.remedy
+
+
+def test_leaders_that_have_lost_digits_stop(rows, tmp_path):
+    rows = rows.assign(track_id=2**53 + rows["track_id"], leader_id=rows["leader_id"] + float(2**53 + 2))
+    with refused("ids-rounded", column="leader_id", row=201):
+        read_table(write_table(rows, tmp_path / "a.parquet"))
+
+
+def test_the_largest_ids_of_eight_bytes_are_read(rows, tmp_path):
+    first = 2**63 - 100
+    rows = rows.assign(track_id=first + rows["track_id"], leader_id=rows["leader_id"] + float(first))
+    assert set(read_table(write_table(rows, tmp_path / "a.parquet")).table["track_id"]) == {1, 2, 3}

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.config.data import BadRows
 from rearl_jax.data.checks import clock
 from rearl_jax.data.tables.row_info import info_of_rows
 from tests.data.table_files import read_rows
@@ -29,6 +30,17 @@ def test_rounded_times_tell_the_frame_rate(vehicle_rows, rate, decimals, start):
     assert len(recording.table) == 300
     is_coarse = decimals is not None and 10.0**-decimals > 1.0 / rate
     assert any("times are rounded" in note for note in recording.info.notes) == is_coarse
+
+
+def test_a_damaged_length_or_position_does_not_move_the_others(vehicle_rows):
+    rows = _at(vehicle_rows, 10.0)
+    sound = read_rows(rows)
+    rows.loc[[30, 31], "length"] = 999.0
+    rows.loc[60:66, "position"] = 1e9
+    recording = read_rows(rows, on_bad=BadRows.drop_row)
+    assert recording.dropped["out_of_range"] == 9
+    assert recording.info.road_length == sound.info.road_length
+    assert recording.table["position"].iloc[0] == sound.table["position"].iloc[0]
 
 
 def test_whole_seconds_cut_off_tell_the_frame_rate(vehicle_rows):
@@ -154,3 +166,9 @@ def test_motion_tells_a_frame_rate_that_whole_seconds_leave_open(vehicle_rows, r
     rows = vehicle_rows.groupby("track_id").head(round(4.0 * rate))
     recording = read_rows(_at(rows, rate, 0, start))
     assert recording.info.frame_rate == rate
+
+
+def test_a_stated_unit_of_time_that_motion_contradicts_stops(vehicle_rows):
+    rows = _at(vehicle_rows, 10.0)
+    with refused("wrong-units", column="time"):
+        read_rows(rows.assign(time=1000.0 * rows["time"]), units={"time": "s"})
