@@ -18,7 +18,7 @@ from rearl_jax.discovery.read.gate import Finding, gate, smoothed_positions
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.reading import EXACT_NOISE, measure, nobody_follows, one_frame_rate
 from rearl_jax.discovery.read.smoothing import thinned
-from rearl_jax.discovery.read.smoothness import smoothness
+from rearl_jax.discovery.read.smoothness import smoothing_kernel
 from rearl_jax.discovery.read.speed_sensor import SPEED_SENSOR, errors_of_positions, has_speed_sensor, with_fast_speeds
 
 AUTO = "auto"
@@ -72,7 +72,7 @@ def measured_drivers(
         findings.append(SPEED_SENSOR)
         fused_errors = errors_of_positions(tables)
         tables = [with_fast_speeds(table) for table in tables]
-    smooth = smoothness(tables)
+    kernel = smoothing_kernel(tables, rate)
     labels = labels_of(recordings, options)
     same = options.same or (same if same in labels else None)
     measured_from = partial(
@@ -82,11 +82,11 @@ def measured_drivers(
         identity_label=same,
         fused_errors=fused_errors,
     )
-    data = _chosen(measured_from(tables, smooth=smooth), options)
+    data = _chosen(measured_from(tables, smoothing=kernel.deviation), options)
     if data.noise < EXACT_NOISE and _are_exact(data, prior):
         # A simulation without noise is as smooth as a smoothed recording, so smoothness proves nothing here.
         return findings, _chosen(measured_from(tables, least_noise=EXACT_NOISE), options)
-    return [*findings, *([smoothed_positions(smooth.drives)] if smooth.drives else [])], data
+    return [*findings, *([smoothed_positions(kernel)] if kernel.deviation else [])], data
 
 
 def labels_of(recordings: Sequence[Recording], options: DiscoverConfig) -> dict[str, list[pd.Series]]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rearl_jax.discovery.read.smoothing import Thinned, position_noise, smoothed, track_bounds
+from rearl_jax.discovery.read.smoothness import Kernel
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 CUT_OFF = 2.0
@@ -77,9 +78,10 @@ def gate(tables: Sequence[Thinned]) -> list[Finding]:
     return findings
 
 
-def smoothed_positions(sd: float) -> Finding:
-    """Finding that positions were smoothed with a Gaussian kernel of this standard deviation [s]."""
-    words = f"positions have been smoothed over about {sd:.1f} s before they were released"
+def smoothed_positions(kernel: Kernel) -> Finding:
+    """Finding that positions were smoothed before they were released."""
+    sd = kernel.deviation
+    words = f"positions were smoothed before they were released: {kernel.name} kernel, standard deviation {sd:.2f} s"
     return Finding("smoothing", False, "time", "s", sd, 0.2 * sd, words)
 
 

@@ -19,7 +19,6 @@ from rearl_jax.discovery.read.leader_changes import handed_over, handovers, last
 from rearl_jax.discovery.read.measured import Measured, Surroundings, is_new, joined
 from rearl_jax.discovery.read.sideways_motion import LONGEST_LEAD
 from rearl_jax.discovery.read.smoothing import Thinned, cut_off, jumps, position_noise, smoothed_tracks, track_bounds
-from rearl_jax.discovery.read.smoothness import Smoothness
 from rearl_jax.discovery.read.surroundings import look_around
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.problems import InvalidInputError, Problem
@@ -51,8 +50,6 @@ SMOOTHED_NOISE = 0.005
 RATE_TOLERANCE = 0.002
 """Relative difference of frame rates [-] that rounded times of short recordings leave: 29.97 and 30 Hz are one."""
 
-UNSMOOTHED = Smoothness()
-"""No smoothing."""
 
 NO_LABELS: Mapping[str, Sequence[pd.Series]] = MappingProxyType({})
 """No labels."""
@@ -96,7 +93,7 @@ def nobody_follows() -> InvalidInputError:
 def measure(
     tables: Sequence[Thinned],
     position_lag: float = 0.0,
-    smooth: Smoothness = UNSMOOTHED,
+    smoothing: float = 0.0,
     least_noise: float = LEAST_NOISE,
     labels: Mapping[str, Sequence[pd.Series]] = NO_LABELS,
     identity_label: str | None = None,
@@ -107,7 +104,7 @@ def measure(
     Args:
         tables: Tables of the recordings, with the same time step.
         position_lag: Delay of positions [s]; lanes, lateral positions and leaders are delayed by the same time.
-        smooth: Kernels with which positions or their errors were smoothed.
+        smoothing: Standard deviation of the kernel that positions were smoothed with [s]; 0 for none.
         least_noise: Smallest standard deviation of unsmoothed positions [m]; noise is added to reach it.
         labels: Labels of the tracks of each recording, by track_id.
         identity_label: Label that identifies a person or car; None without such a label.
@@ -119,20 +116,15 @@ def measure(
     dt = tables[0][1]
     recordings = [_Rows(table, dt, round(position_lag / dt)) for table, _ in tables]
     measured_noise = float(np.median([recording.noise for recording in recordings]))
-    if smooth.drives:
-        noise, added = max(measured_noise, SMOOTHED_NOISE), 0.0
-    else:
-        noise = max(measured_noise, smooth.size, least_noise)
-        added = float(np.sqrt(noise**2 - max(measured_noise, smooth.size) ** 2))
-    stride, edge = max(1, round(APART * smooth.drives / dt)), round(EDGE * smooth.drives / dt)
+    noise = max(measured_noise, SMOOTHED_NOISE if smoothing else least_noise)
+    added = 0.0 if smoothing else float(np.sqrt(noise**2 - measured_noise**2))
+    stride, edge = max(1, round(APART * smoothing / dt)), round(EDGE * smoothing / dt)
     n_steps = padded_steps(max((recording.longest for recording in recordings), default=0), dt)
     pieces, offset = [], 0
     for number, recording in enumerate(recordings):
         rng = np.random.default_rng(number)
         added_noise = added * rng.standard_normal(len(recording.position))
-        for start, stop in zip(recording.starts, recording.stops, strict=True):
-            added_noise[start:stop] += smooth.complement(int(stop - start), dt, rng)
-        found = recording.pieces(n_steps, stride, edge, noise, added_noise, smooth.drives, number, offset)
+        found = recording.pieces(n_steps, stride, edge, noise, added_noise, smoothing, number, offset)
         of_piece = {name: values[number].reindex(found.vehicle - offset) for name, values in labels.items()}
         pieces.append(replace(found, labels={name: values.to_numpy(object) for name, values in of_piece.items()}))
         offset += recording.n_tracks
@@ -145,7 +137,7 @@ def measure(
         dt=dt,
         stride=stride,
         noise=noise,
-        smoothing=smooth.drives,
+        smoothing=smoothing,
         jumps=n_jumps,
         fused_errors=fused_errors,
     )

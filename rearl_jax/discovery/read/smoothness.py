@@ -1,15 +1,20 @@
-"""Detection of smoothed positions, from the fall of their power with frequency.
+"""Detection of smoothed positions from the power spectrum of the acceleration.
 
-The power of the acceleration in recorded drives falls at most to a quarter per octave; white noise in positions makes
-it rise sixteenfold. A much steeper fall indicates a smoothing kernel. If the power rises at lower frequencies, noise
-dominates there, and only the errors of positions are smooth, as trackers leave them.
+Power of drives falls with frequency; that of white errors of positions rises with its fourth power, that of correlated
+errors with its second, and that of rounding again with its fourth. A kernel multiplies the power of everything before
+it by the square of its transfer function. The sizes of all these and the width of the kernel are fitted to the
+spectrum for every kernel in use and for none, and the most likely explanation is taken.
 
-Errors that were smoothed with the drives dominate at frequencies where drives have hardly any power, and the kernel
-seems shorter there than it is; so its width is estimated together with the sizes of errors.
+Kernels: Gaussian; exponential, of the symmetric moving average in NGSIM studies (Thiemann, Treiber & Kesting, Transp.
+Res. Rec. 2088 (2008) 90); moving average; triangular, a moving average applied twice. A tracker that smooths only the
+errors of positions cannot be told from one that smooths drives too, because at high frequencies drives have less power
+than errors; drives then count as smoothed, and fewer effects can be seen.
 """
 
-from collections.abc import Sequence
+import operator
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from heapq import nsmallest
 
 import numpy as np
 from jaxtyping import Float
@@ -18,106 +23,172 @@ from scipy.optimize import least_squares
 from rearl_jax.discovery.read.smoothing import Thinned, track_bounds
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
-BANDS = (1.1, 1.6, 2.2, 3.2, 4.5, 6.4, 9.0, 12.8)
-"""Edges of frequency bands, half an octave each [rad/s]."""
-
-DRIVING, NOISE = 0.25, 16.0
-"""Ratio of the acceleration's power an octave apart, for drives and for white noise in positions [-]."""
-
 SPECTRUM_TIME = 10.0
 """Window of the spectrum [s]."""
 
-KERNELS = (0.1, 0.4, 0.8)
-"""Standard deviations of the kernel with which its estimation begins [s]."""
+LOWEST_FREQUENCY = 0.9
+"""Frequency above which the spectrum of drives is a power law [rad/s]."""
 
-USUAL_ERRORS, USUAL_ROUNDING = np.exp(-8.0), np.exp(-12.0)
-"""Usual power density of errors before and after smoothing, 0.05 m and 0.01 m at 10 Hz [m^2 s]."""
+HIGHEST_FREQUENCY = 0.93
+"""Highest frequency that is used, as a share of the highest one that the time step resolves [-]."""
 
-USUAL_WEIGHT = 0.02
-"""Weight of usual values beside that of a frequency band [-]: they decide only what the spectrum does not show."""
+DEVIATIONS = np.geomspace(0.06, 1.2, 24)
+"""Standard deviations of the kernel with which its estimation begins [s]; the spectrum of a moving average has so many
+zeros that its width is found from near by only.
+"""
+
+MEMORIES = np.geomspace(0.02, 1.5, 6)
+"""Correlation times of errors with which the fit without a kernel begins [s]."""
+
+FIRST_STEPS = 15
+"""Steps from each of these, after which only the best are continued."""
+
+CONTINUED = 4
+"""Number of fits that are continued."""
+
+USUAL = {
+    "slope": (2.0, 2.0),
+    "errors": (-7.0, 2.0),
+    "memory": (-2.5, 1.5),
+    "rounding": (-12.0, 3.0),
+    "deviation": (-1.05, 0.6),
+}
+"""Usual values and their spread, which decide what the spectrum does not show: exponent of the drives' power [-];
+logarithms of the power density of errors, 0.1 m at 10 Hz [m^2 s], of their correlation time [s], of the density of
+rounding, 0.01 m [m^2 s], and of the standard deviation of the kernel, 0.35 s [s].
+"""
+
+BOUNDS = {
+    "level": (-30.0, 20.0),
+    "slope": (0.0, 8.0),
+    "errors": (-20.0, 8.0),
+    "memory": (-6.0, 1.5),
+    "rounding": (-25.0, -3.0),
+    "deviation": (-3.2, 0.4),
+}
+"""Bounds of the same, and of the logarithm of the drives' power at 1 rad/s [m^2/s^3]."""
+
+MODEL_ERROR = 0.1
+"""Error of the logarithm of a spectrum of this form beside that of the measured one [-]."""
+
+LARGE = 3.0
+"""Departures from the spectrum above which their influence grows slowly, in standard deviations [-]."""
 
 MEDIAN_OVER_MEAN = float(np.log(2.0))
 """Ratio of median to mean of a spectral power, which is exponentially distributed [-]."""
 
+HANN = np.array([1.0, 4.0, 1.0]) / 6.0
+"""Shares of the power at a frequency that a Hann window leaves there and moves to its neighbours [-]."""
+
+
+def _sinc(angle: np.ndarray) -> np.ndarray:
+    return np.sinc(angle / np.pi)
+
+
+KERNELS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
+    "gaussian": lambda x: np.exp(-0.5 * x**2),
+    "exponential": lambda x: 1.0 / (1.0 + 0.5 * x**2),
+    "moving average": lambda x: _sinc(np.sqrt(3.0) * x),
+    "triangular": lambda x: _sinc(np.sqrt(1.5) * x) ** 2,
+}
+"""Transfer functions of kernels, of the frequency times the standard deviation of the kernel [-]."""
+
 
 @dataclass(frozen=True)
-class Smoothness:
-    """Detected Gaussian kernels of smoothing.
+class Kernel:
+    """A smoothing kernel: its name in KERNELS, and its standard deviation [s]; 0 if positions were not smoothed."""
+
+    name: str = "none"
+    deviation: float = 0.0
+
+
+def smoothing_kernel(tables: Sequence[Thinned], frame_rate: float) -> Kernel:
+    """The kernel that the spectrum of the positions shows; all tables have the same time step, and were recorded at
+    `frame_rate` [1/s].
+    """
+    spectrum = _acceleration_power(tables, round(frame_rate * tables[0][1]))
+    if spectrum is None:
+        return Kernel()
+    without, fits = spectrum.fitted(None), {name: spectrum.fitted(KERNELS[name]) for name in KERNELS}
+    best = min(fits, key=lambda name: fits[name].cost)
+    # A spectrum that no kernel explains is no evidence for one: likelihoods are compared relative to the misfit left.
+    n_free = len(spectrum.power) - len(BOUNDS)
+    misfit = max(1.0, 2.0 * fits[best].cost / max(1, n_free))
+    if (without.cost - fits[best].cost) / misfit < THRESHOLDS.kernel_evidence:
+        return Kernel()
+    return Kernel(best, fits[best].deviation)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Fit of a kernel: negative log-likelihood [nats], and standard deviation of the kernel [s]."""
+
+    cost: float
+    deviation: float
+
+
+@dataclass(frozen=True)
+class _Spectrum:
+    """Median power of accelerations.
 
     Attributes:
-        drives: Standard deviation of the kernel that smoothed positions [s]; 0 for none.
-        errors: Standard deviation of the kernel that smoothed only the errors [s]; 0 for none.
-        size: Standard deviation of the white errors before smoothing [m].
+        frequency: Frequencies [rad/s].
+        power: Power density [m^2/s^3].
+        dt: Time step [s].
+        n_averaged: Frames that were averaged to one time step.
+        n_windows: Number of windows.
     """
 
-    drives: float = 0.0
-    errors: float = 0.0
-    size: float = 0.0
+    frequency: Float[np.ndarray, " frequencies"]
+    power: Float[np.ndarray, " frequencies"]
+    dt: float
+    n_averaged: int
+    n_windows: int
 
-    def complement(self, steps: int, dt: float, rng: np.random.Generator) -> Float[np.ndarray, " steps"]:
-        """Noise that makes the errors of one track white again [m]."""
-        if not self.errors:
-            return np.zeros(steps)
-        frequency = 2 * np.pi * np.fft.rfftfreq(2 * steps, dt)
-        missing = np.sqrt(-np.expm1(-((frequency * self.errors) ** 2)))
-        drawn = np.fft.rfft(self.size * rng.standard_normal(2 * steps))
-        return np.fft.irfft(missing * drawn, 2 * steps)[:steps]
+    def fitted(self, kernel: Callable[[np.ndarray], np.ndarray] | None) -> _Fit:
+        """The best fit with a kernel, or without one."""
+        measured, usual = np.log(self.power), np.array(list(USUAL.values()))
+        # The logarithm of the median of n exponentially distributed powers has the variance 1 / (n log(2)^2).
+        deviation = np.hypot(MODEL_ERROR, 1.0 / (MEDIAN_OVER_MEAN * np.sqrt(self.n_windows)))
 
+        def residuals(values: np.ndarray) -> np.ndarray:
+            departure = (self._expected(values, kernel) - measured) / deviation
+            bounded = LARGE * np.sqrt(2.0 * (np.sqrt(1.0 + (departure / LARGE) ** 2) - 1.0))
+            return np.concatenate([np.copysign(bounded, departure), (values[1:] - usual[:, 0]) / usual[:, 1]])
 
-def smoothness(tables: Sequence[Thinned]) -> Smoothness:
-    """Kernels that the spectrum of the positions shows; all tables have the same time step."""
-    spectrum = _acceleration_power(tables)
-    if spectrum is None:
-        return Smoothness()
-    frequency, power, dt = spectrum
-    edges = [edge for edge in BANDS if edge < np.pi / dt / 2]
-    bands = list(zip(edges[:-1], edges[1:], strict=True))
-    middle = [np.sqrt(low * high) for low, high in bands]
-    # Per octave, the power of drives changes by the factor DRIVING, that of noise by NOISE. A Gaussian kernel of
-    # standard deviation s multiplies the power at the frequency f by exp(-(f s)^2), which gives s.
-    level = [power[(frequency >= low) & (frequency < high)].mean() for low, high in bands]
-    if not min(level, default=0.0) > 0.0:
-        return Smoothness()  # no vehicle has ever accelerated
-    ratio = [higher / lower for lower, higher in zip(level[:-2], level[2:], strict=True)]
-    if not ratio or min(ratio) > THRESHOLDS.steepest_power_ratio:
-        return Smoothness()
-    k = int(np.argmin(ratio))
-    difference = middle[k + 2] ** 2 - middle[k] ** 2  # of f^2 over the octave
-    if max(ratio[:k], default=0.0) < THRESHOLDS.rising_power_ratio:
-        without_errors = float(np.sqrt(np.log(DRIVING / ratio[k]) / difference))
-        # The larger one, because a kernel that is assumed too short gives false evidence.
-        return Smoothness(drives=max(without_errors, _kernel_of_drives_and_errors(np.array(middle), np.array(level))))
-    kernel = float(np.sqrt(np.log(NOISE / ratio[k]) / difference))
-    top = int(np.argmax(level))
-    density = level[top] / middle[top] ** 4 * np.exp((middle[top] * kernel) ** 2) / MEDIAN_OVER_MEAN
-    return Smoothness(errors=kernel, size=float(np.sqrt(density / dt)))
+        bounds = np.array(list(BOUNDS.values())).T
+        level = measured[0] + USUAL["slope"][0] * np.log(self.frequency[0])
+        begin = np.clip([level, *usual[:, 0]], *bounds)
+        varied, values = (3, MEMORIES) if kernel is None else (5, DEVIATIONS)
+        starts = [np.where(np.arange(len(begin)) == varied, np.log(value), begin) for value in values]
+        by_cost = operator.attrgetter("cost")
+        tried = [least_squares(residuals, start, bounds=bounds, max_nfev=FIRST_STEPS) for start in starts]
+        found = [least_squares(residuals, fit.x, bounds=bounds) for fit in nsmallest(CONTINUED, tried, key=by_cost)]
+        best = min(found, key=by_cost)
+        return _Fit(float(best.cost), float(np.exp(best.x[-1])))
 
-
-def _kernel_of_drives_and_errors(frequency: Float[np.ndarray, " bands"], power: Float[np.ndarray, " bands"]) -> float:
-    """Standard deviation of the Gaussian kernel that smoothed drives and white errors of positions [s], by least
-    squares on the logarithm of the acceleration's power [m^2/s^3] in frequency bands [rad/s]. Errors made after
-    smoothing, such as rounding, are estimated too.
-    """
-    log_frequency, log_power = np.log(frequency), np.log(power)
-    usual = np.log([USUAL_ERRORS, USUAL_ROUNDING, 1.0])
-
-    def residuals(values: np.ndarray) -> np.ndarray:
-        drives, errors, rounding, log_kernel = values
-        smoothed = np.logaddexp(drives - 2 * log_frequency, errors + 4 * log_frequency)
-        smoothed = smoothed - (frequency * np.exp(log_kernel)) ** 2
-        departure = np.logaddexp(smoothed, rounding + 4 * log_frequency) - log_power
-        return np.concatenate([departure, USUAL_WEIGHT * (values[1:] - usual)])
-
-    drives, rounding = log_power[0] + 2 * log_frequency[0], log_power[-1] - 4 * log_frequency[-1]
-    found = [least_squares(residuals, [drives, usual[0], rounding, np.log(kernel)]) for kernel in KERNELS]
-    return float(np.exp(min(found, key=lambda fit: fit.cost).x[-1]))
+    def _expected(
+        self, values: np.ndarray, kernel: Callable[[np.ndarray], np.ndarray] | None
+    ) -> Float[np.ndarray, " frequencies"]:
+        """Logarithm of the power that a Hann window shows."""
+        level, slope, errors, memory, rounding, deviation = values
+        # Frames were averaged and then left out, so that errors of higher frequencies appear at these ones.
+        frame = self.dt / self.n_averaged
+        angles = self.frequency + 2.0 * np.pi / self.dt * np.arange(self.n_averaged)[:, None]
+        passed = (_sinc(0.5 * angles * self.dt) / _sinc(0.5 * angles * frame)) ** 2
+        if kernel is not None:
+            passed = passed * kernel(angles * np.exp(deviation)) ** 2
+        decay = np.exp(-frame / np.exp(memory))  # of first-order autoregressive errors from frame to frame
+        noise = np.exp(errors) / (1.0 + decay * (2.0 * np.sin(0.5 * angles * frame) / (1.0 - decay)) ** 2)
+        second_difference = (2.0 * np.sin(0.5 * self.frequency * self.dt) / self.dt) ** 4
+        drives = passed[0] * np.exp(level) * self.frequency**-slope
+        power = drives + second_difference * ((passed * noise).sum(axis=0) + np.exp(rounding))
+        return np.log(np.convolve(np.pad(power, 1, mode="edge"), HANN, mode="valid"))
 
 
-def _acceleration_power(
-    tables: Sequence[Thinned],
-) -> tuple[Float[np.ndarray, " frequencies"], Float[np.ndarray, " frequencies"], float] | None:
-    """Frequencies [rad/s], the median power density of accelerations [m^2/s^3], and the time step [s]; None if tracks
-    are too short.
+def _acceleration_power(tables: Sequence[Thinned], n_averaged: int) -> _Spectrum | None:
+    """The spectrum of all tracks, of whose frames `n_averaged` were averaged to one time step; None if they are too
+    short, or if no vehicle ever accelerates.
     """
     powers, window, dt = [], np.empty(0), 0.1
     for table, dt in tables:
@@ -132,4 +203,8 @@ def _acceleration_power(
     if len(powers) < THRESHOLDS.least_spectrum_windows:
         return None
     power = np.median(powers, axis=0) * dt / (window**2).sum()
-    return 2 * np.pi * np.fft.rfftfreq(len(window), dt), power, dt
+    frequency = 2 * np.pi * np.fft.rfftfreq(len(window), dt)
+    used = (frequency > LOWEST_FREQUENCY) & (frequency < HIGHEST_FREQUENCY * np.pi / dt)
+    if not power[used].all():
+        return None
+    return _Spectrum(frequency[used], power[used], dt, n_averaged, len(powers))

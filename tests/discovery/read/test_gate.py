@@ -2,10 +2,14 @@
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import convolve1d
+from scipy.signal import lfilter
 
 from rearl_jax.discovery.read.gate import gate, smoothed_positions
-from rearl_jax.discovery.read.smoothness import Smoothness, smoothness
+from rearl_jax.discovery.read.smoothness import KERNELS, Kernel, smoothing_kernel
+
+RATE = 10.0
+"""Frames per second of the recordings."""
 
 
 def test_a_clean_data_set_shows_nothing(tables_of):
@@ -27,44 +31,62 @@ def test_faults_between_columns_are_named_and_measured(tables_of, name, paramete
     assert found.value == pytest.approx(value, rel=0.1)
 
 
-def test_smoothed_tracks_are_noticed(tables_of):
-    smooth = smoothness(tables_of("smoothing"))
-    assert 0.4 < smooth.drives < 0.9
-    assert smooth.errors == 0.0
-    assert smoothed_positions(smooth.drives).value == smooth.drives
-
-
-@pytest.mark.parametrize(("kernel", "errors"), [(0.4, 0.05), (0.65, 0.05), (0.65, 0.3)])
-def test_errors_that_were_smoothed_too_do_not_hide_the_width_of_the_kernel(tables_of, kernel, errors):
+def released(tables, kernel, deviation, errors):
+    """Tables whose positions have white errors [m] and were smoothed over a standard deviation [s], as released to a
+    millimetre.
+    """
     rng, smoothed = np.random.default_rng(0), []
-    for table, dt in tables_of():
+    for table, dt in tables:
+        reach = round(5 * deviation / dt) + 1
+        x = np.arange(-reach, reach + 1) * dt / deviation
+        weights = {
+            "gaussian": np.exp(-0.5 * x**2),
+            "exponential": np.exp(-np.sqrt(2) * np.abs(x)),
+            "moving average": np.clip((np.sqrt(3) - np.abs(x)) * deviation / dt + 0.5, 0, 1),
+            "triangular": np.maximum(0, np.sqrt(6) - np.abs(x)),
+        }[kernel]
 
-        def released(position, dt=dt):
+        def one(position, weights=weights):
             measured = position + errors * rng.standard_normal(len(position))
-            return gaussian_filter1d(measured, kernel / dt, mode="nearest").round(3)
+            return convolve1d(measured, weights / weights.sum(), mode="nearest").round(3)
 
-        smoothed.append((table.assign(position=table.groupby("track_id")["position"].transform(released)), dt))
-    assert smoothness(smoothed).drives == pytest.approx(kernel, rel=0.15)
+        smoothed.append((table.assign(position=table.groupby("track_id")["position"].transform(one)), dt))
+    return smoothed
 
 
-def test_smooth_errors_are_not_taken_for_smoothed_drives(tables_of):
-    smooth = smoothness(tables_of(noise_time=0.3))
-    assert smooth.drives == 0.0
-    assert smooth.errors == pytest.approx(0.3, rel=0.2)
-    # What has 0.1 m over a kernel of 0.3 s was white before, and larger.
-    assert smooth.size == pytest.approx(0.1 * np.sqrt(2 * np.sqrt(np.pi) * 0.3 / 0.1), rel=0.2)
-    assert smoothness(tables_of()) == Smoothness()
+def test_smoothed_tracks_are_noticed(tables_of):
+    kernel = smoothing_kernel(tables_of("smoothing"), RATE)
+    assert 0.4 < kernel.deviation < 0.9
+    assert smoothed_positions(kernel).value == kernel.deviation
+    assert smoothing_kernel(tables_of(), RATE) == Kernel()
+
+
+@pytest.mark.parametrize(("deviation", "errors"), [(0.2, 0.1), (0.4, 0.05), (0.6, 0.1), (0.65, 0.3)])
+@pytest.mark.parametrize("name", KERNELS)
+def test_the_kernel_and_its_width_are_found_whatever_else_was_smoothed(tables_of, name, deviation, errors):
+    kernel = smoothing_kernel(released(tables_of(), name, deviation, errors), RATE)
+    assert kernel.name == name
+    assert kernel.deviation == pytest.approx(deviation, rel=0.35 if name == "exponential" else 0.2)
+
+
+@pytest.mark.parametrize("n_averaged", [1, 3])
+@pytest.mark.parametrize("errors", [0.05, 0.3])
+@pytest.mark.parametrize("noise_time", [0.0, 0.3, 1.0])
+def test_errors_that_are_large_or_correlated_are_no_kernel(tables_of, errors, noise_time, n_averaged):
+    rng, noisy = np.random.default_rng(1), []
+    for table, dt in tables_of():
+        decay = np.exp(-dt / n_averaged / noise_time) if noise_time else 0.0
+        drawn = errors * np.sqrt(1 - decay**2) * rng.standard_normal(n_averaged * len(table))
+        averaged = lfilter([1.0], [1.0, -decay], drawn).reshape(-1, n_averaged).mean(axis=1)
+        noisy.append((table.assign(position=table["position"] + averaged), dt))
+    assert smoothing_kernel(noisy, n_averaged * RATE) == Kernel()
+
+
+def test_smooth_errors_count_as_smoothed_positions(tables_of):
+    kernel = smoothing_kernel(tables_of(noise_time=0.3), RATE)
+    assert kernel.deviation == pytest.approx(0.3, rel=0.2)
 
 
 def test_who_never_accelerates_says_nothing_of_smoothing(tables_of):
     (table, dt), *_ = tables_of()
-    assert smoothness([(table.assign(position=16.0 * table["frame"]), dt)]) == Smoothness()
-
-
-def test_the_complement_makes_errors_white():
-    smooth, rng = Smoothness(errors=0.3, size=0.35), np.random.default_rng(0)
-    errors = gaussian_filter1d(0.35 * rng.standard_normal(20_000), 3.0) + smooth.complement(20_000, 0.1, rng)
-    assert errors.std() == pytest.approx(0.35, rel=0.03)
-    power = np.abs(np.fft.rfft(errors)) ** 2 / len(errors)
-    assert power[1:500].mean() == pytest.approx(power[5_000:].mean(), rel=0.2)
-    assert (Smoothness().complement(10, 0.1, rng) == 0.0).all()
+    assert smoothing_kernel([(table.assign(position=16.0 * table["frame"]), dt)], RATE) == Kernel()

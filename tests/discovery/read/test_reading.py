@@ -11,7 +11,7 @@ from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.read import reading, smoothing
-from rearl_jax.discovery.read.smoothness import Smoothness, smoothness
+from rearl_jax.discovery.read.smoothness import smoothing_kernel
 from rearl_jax.discovery.read.split import split_drivers
 from rearl_jax.discovery.read.surroundings import look_around
 from rearl_jax.problems import InvalidInputError
@@ -181,7 +181,7 @@ def test_positions_without_noise_get_a_little(tables_of):
 
 def test_of_smoothed_positions_few_moments_count(tables_of):
     tables, kernel = tables_of(), 0.5
-    data = reading.measure(tables, smooth=Smoothness(drives=kernel))
+    data = reading.measure(tables, smoothing=kernel)
     assert data.stride == round(reading.APART * kernel / data.dt) > 1
     counts = data.weight.sum(axis=1) > 0
     assert counts[:: data.stride].any()
@@ -240,7 +240,10 @@ def test_nothing_counts_where_the_driver_or_the_leader_has_jumped(tables_of):
 @pytest.mark.slow
 def test_a_simulation_without_noise_is_not_taken_for_smoothed(recordings_of):
     exact = recordings_of(driver_noise=0.0, position_noise=0.0)
-    assert smoothness([smoothing.thinned(recording) for recording in exact]).drives > 0.4
+    assert (
+        smoothing_kernel([smoothing.thinned(recording) for recording in exact], exact[0].info.frame_rate).deviation
+        > 0.4
+    )
     findings, data = measured_drivers(exact, DiscoverConfig())
     assert (findings, data.stride) == ([], 1)
     findings, data = measured_drivers(recordings_of("smoothing"), DiscoverConfig())
