@@ -82,7 +82,7 @@ def measured_drivers(
         identity_label=same,
         fused_errors=fused_errors,
     )
-    data = _chosen(measured_from(tables, smoothing=kernel.deviation), options)
+    data = _chosen(measured_from(tables, kernel=kernel), options)
     if data.noise < EXACT_NOISE and _are_exact(data, prior):
         # A simulation without noise is as smooth as a smoothed recording, so smoothness proves nothing here.
         return findings, _chosen(measured_from(tables, least_noise=EXACT_NOISE), options)

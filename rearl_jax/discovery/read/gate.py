@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rearl_jax.discovery.read.kernels import Kernel
 from rearl_jax.discovery.read.smoothing import Thinned, position_noise, smoothed, track_bounds
-from rearl_jax.discovery.read.smoothness import Kernel
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 CUT_OFF = 2.0

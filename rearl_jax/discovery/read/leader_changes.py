@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
-from scipy.stats import norm
 
 from rearl_jax.core.leader_history import (
     MAX_GAP_IN_SIGHT,
@@ -18,6 +17,7 @@ from rearl_jax.core.leader_history import (
 )
 from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.vehicle_rows import VehicleRows
+from rearl_jax.discovery.read.kernels import Kernel
 from rearl_jax.discovery.read.sideways_motion import sideways_starts
 
 
@@ -100,29 +100,28 @@ def handed_over(
     values: Float[np.ndarray, " rows"],
     own_values: Float[np.ndarray, " rows"],
     changes: Handovers,
-    smoothing: float,
+    kernel: Kernel,
     dt: float,
 ) -> Float[np.ndarray, " rows"]:
     """A quantity of the leader, blended over changes of leader to match the follower's smoothed motion.
 
-    Smoothing a motion with a Gaussian kernel turns the response to a step, the change of leader, into the response to a
-    smoothed step.
+    Smoothing a motion turns the response to a step, the change of leader, into the response to a smoothed step.
 
     Args:
         values: The quantity of the present leader.
         own_values: The quantity of every row's own vehicle.
         changes: Changes of leader near each row.
-        smoothing: Standard deviation of the kernel [s]; 0 for none.
+        kernel: Kernel that the motion was smoothed with.
         dt: Time step [s].
     """
-    if not smoothing:
+    if not kernel.deviation:
         return values
     to_next = np.where(changes.following != NO_VEHICLE, own_values[changes.following] - values, 0.0)
     to_previous = np.where(changes.preceding != NO_VEHICLE, own_values[changes.preceding] - values, 0.0)
     return (
         values
-        + to_next * norm.cdf(-(changes.time_to - dt / 2) / smoothing)
-        + to_previous * norm.cdf(-(changes.time_since + dt / 2) / smoothing)
+        + to_next * kernel.share_beyond(changes.time_to - dt / 2)
+        + to_previous * kernel.share_beyond(changes.time_since + dt / 2)
     )
 
 

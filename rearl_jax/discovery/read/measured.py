@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from rearl_jax.discovery.read.fused_errors import FusedErrors
+from rearl_jax.discovery.read.kernels import UNSMOOTHED, Kernel
 
 # Quantities that jump when another vehicle becomes the leader, the second leader, or one of the other vehicles.
 _OF_LEADER = (
@@ -137,8 +138,7 @@ class Measured:
         dt: Time step [s].
         stride: Time steps from one independent measurement to the next; those between do not count.
         noise: Standard deviation of the measured positions [m].
-        smoothing: Standard deviation of the Gaussian kernel that positions were smoothed with before they were released
-            [s]; 0 for none.
+        kernel: Kernel that positions were smoothed with before they were released.
         jumps: Number of jumps of positions in the recordings; samples around them are excluded.
         fused_errors: Errors of the positions of all vehicles, if they were fused with speeds; None if not.
         labels: Labels of each piece, equal for all pieces of a driver: texts, None where unknown.
@@ -159,7 +159,7 @@ class Measured:
     dt: float
     stride: int
     noise: float
-    smoothing: float = 0.0
+    kernel: Kernel = UNSMOOTHED
     jumps: int = 0
     fused_errors: FusedErrors | None = None
     labels: Mapping[str, np.ndarray] = field(default_factory=dict)

@@ -15,6 +15,7 @@ from rearl_jax.core.leader_history import MAX_TIME_SINCE_CHANGE
 from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.read.fused_errors import FusedErrors
+from rearl_jax.discovery.read.kernels import UNSMOOTHED, Kernel
 from rearl_jax.discovery.read.leader_changes import handed_over, handovers, last_changes
 from rearl_jax.discovery.read.measured import Measured, Surroundings, is_new, joined
 from rearl_jax.discovery.read.sideways_motion import LONGEST_LEAD
@@ -93,7 +94,7 @@ def nobody_follows() -> InvalidInputError:
 def measure(
     tables: Sequence[Thinned],
     position_lag: float = 0.0,
-    smoothing: float = 0.0,
+    kernel: Kernel = UNSMOOTHED,
     least_noise: float = LEAST_NOISE,
     labels: Mapping[str, Sequence[pd.Series]] = NO_LABELS,
     identity_label: str | None = None,
@@ -104,7 +105,7 @@ def measure(
     Args:
         tables: Tables of the recordings, with the same time step.
         position_lag: Delay of positions [s]; lanes, lateral positions and leaders are delayed by the same time.
-        smoothing: Standard deviation of the kernel that positions were smoothed with [s]; 0 for none.
+        kernel: Kernel that positions were smoothed with.
         least_noise: Smallest standard deviation of unsmoothed positions [m]; noise is added to reach it.
         labels: Labels of the tracks of each recording, by track_id.
         identity_label: Label that identifies a person or car; None without such a label.
@@ -116,15 +117,15 @@ def measure(
     dt = tables[0][1]
     recordings = [_Rows(table, dt, round(position_lag / dt)) for table, _ in tables]
     measured_noise = float(np.median([recording.noise for recording in recordings]))
-    noise = max(measured_noise, SMOOTHED_NOISE if smoothing else least_noise)
-    added = 0.0 if smoothing else float(np.sqrt(noise**2 - measured_noise**2))
-    stride, edge = max(1, round(APART * smoothing / dt)), round(EDGE * smoothing / dt)
+    noise = max(measured_noise, SMOOTHED_NOISE if kernel.deviation else least_noise)
+    added = 0.0 if kernel.deviation else float(np.sqrt(noise**2 - measured_noise**2))
+    stride, edge = max(1, round(APART * kernel.deviation / dt)), round(EDGE * kernel.deviation / dt)
     n_steps = padded_steps(max((recording.longest for recording in recordings), default=0), dt)
     pieces, offset = [], 0
     for number, recording in enumerate(recordings):
         rng = np.random.default_rng(number)
         added_noise = added * rng.standard_normal(len(recording.position))
-        found = recording.pieces(n_steps, stride, edge, noise, added_noise, smoothing, number, offset)
+        found = recording.pieces(n_steps, stride, edge, noise, added_noise, kernel, number, offset)
         of_piece = {name: values[number].reindex(found.vehicle - offset) for name, values in labels.items()}
         pieces.append(replace(found, labels={name: values.to_numpy(object) for name, values in of_piece.items()}))
         offset += recording.n_tracks
@@ -137,7 +138,7 @@ def measure(
         dt=dt,
         stride=stride,
         noise=noise,
-        smoothing=smoothing,
+        kernel=kernel,
         jumps=n_jumps,
         fused_errors=fused_errors,
     )
@@ -177,7 +178,7 @@ class _Rows:
         edge: int,
         noise: float,
         added_noise: np.ndarray,
-        smoothing: float,
+        kernel: Kernel,
         recording: int,
         offset: int,
     ) -> Measured:
@@ -185,11 +186,11 @@ class _Rows:
 
         Every `stride`-th time step is an independent measurement; the first and last `edge` rows of a track are
         distorted by smoothing; `noise` is the standard deviation of positions [m]; `added_noise` [m] is added to those
-        of drivers; positions were smoothed over `smoothing` [s]; `offset` makes track numbers unique.
+        of drivers; positions were smoothed with `kernel`; `offset` makes track numbers unique.
         """
         dt, table = self.dt, self.table
         x, v, a = smoothed_tracks(self.position, self.starts, self.stops, dt, cut_off(noise, dt))
-        columns, leader, leader_row = self._columns(x, v, a, smoothing)
+        columns, leader, leader_row = self._columns(x, v, a, kernel)
         weight = self._weight(leader, leader_row, edge)
         cuts = [
             (start, min(start + n_steps, end))
@@ -227,11 +228,12 @@ class _Rows:
         )
 
     def _columns(
-        self, x: np.ndarray, v: np.ndarray, a: np.ndarray, smoothing: float
+        self, x: np.ndarray, v: np.ndarray, a: np.ndarray, kernel: Kernel
     ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
         """Surroundings of every row by name, the track of its leader, and the row of this leader in the same frame.
 
-        `x` [m], `v` [m/s] and `a` [m/s^2] are smooth positions, speeds and accelerations of all rows; `smoothing` [s].
+        `x` [m], `v` [m/s] and `a` [m/s^2] are smooth positions, speeds and accelerations of all rows; positions
+        were smoothed with `kernel`.
         """
         table, length = self.table, self.length
         neighbours = look_around(table, v)
@@ -251,10 +253,10 @@ class _Rows:
         leader = values_of(first, track, NO_VEHICLE).astype(np.int64)
         gap = values_of(first, rear, front + OUT_OF_SIGHT) - front
         time_since, gap_lost, time_gap = last_changes(self.starts, self.stops, leader, gap, v, self.dt)
-        reach = max(LONGEST_LEAD, EDGE * smoothing)
+        reach = max(LONGEST_LEAD, EDGE * kernel.deviation)
         near = handovers(table, (self.starts, self.stops), leader, self.dt, reach)
         leader_rear, leader_centre, leader_speed = (
-            handed_over(values_of(first, values, otherwise), values, near, smoothing, self.dt)
+            handed_over(values_of(first, values, otherwise), values, near, kernel, self.dt)
             for values, otherwise in ((rear, front + OUT_OF_SIGHT), (x, x + OUT_OF_SIGHT), (v, v))
         )
         next_rear = values_of(near.following, rear, leader_rear)

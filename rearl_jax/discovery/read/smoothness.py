@@ -5,14 +5,13 @@ errors with its second, and that of rounding again with its fourth. A kernel mul
 it by the square of its transfer function. The sizes of all these and the width of the kernel are fitted to the
 spectrum for every kernel in use and for none, and the most likely explanation is taken.
 
-Kernels: Gaussian; exponential, of the symmetric moving average in NGSIM studies (Thiemann, Treiber & Kesting, Transp.
-Res. Rec. 2088 (2008) 90); moving average; triangular, a moving average applied twice. A tracker that smooths only the
+A tracker that smooths only the
 errors of positions cannot be told from one that smooths drives too, because at high frequencies drives have less power
 than errors; drives then count as smoothed, and fewer effects can be seen.
 """
 
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from heapq import nsmallest
 
@@ -20,6 +19,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import least_squares
 
+from rearl_jax.discovery.read.kernels import FORMS, UNSMOOTHED, Kernel
 from rearl_jax.discovery.read.smoothing import Thinned, track_bounds
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -81,41 +81,20 @@ HANN = np.array([1.0, 4.0, 1.0]) / 6.0
 """Shares of the power at a frequency that a Hann window leaves there and moves to its neighbours [-]."""
 
 
-def _sinc(angle: np.ndarray) -> np.ndarray:
-    return np.sinc(angle / np.pi)
-
-
-KERNELS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
-    "gaussian": lambda x: np.exp(-0.5 * x**2),
-    "exponential": lambda x: 1.0 / (1.0 + 0.5 * x**2),
-    "moving average": lambda x: _sinc(np.sqrt(3.0) * x),
-    "triangular": lambda x: _sinc(np.sqrt(1.5) * x) ** 2,
-}
-"""Transfer functions of kernels, of the frequency times the standard deviation of the kernel [-]."""
-
-
-@dataclass(frozen=True)
-class Kernel:
-    """A smoothing kernel: its name in KERNELS, and its standard deviation [s]; 0 if positions were not smoothed."""
-
-    name: str = "none"
-    deviation: float = 0.0
-
-
 def smoothing_kernel(tables: Sequence[Thinned], frame_rate: float) -> Kernel:
     """The kernel that the spectrum of the positions shows; all tables have the same time step, and were recorded at
     `frame_rate` [1/s].
     """
     spectrum = _acceleration_power(tables, round(frame_rate * tables[0][1]))
     if spectrum is None:
-        return Kernel()
-    without, fits = spectrum.fitted(None), {name: spectrum.fitted(KERNELS[name]) for name in KERNELS}
+        return UNSMOOTHED
+    without, fits = spectrum.fitted(None), {name: spectrum.fitted(form.transfer) for name, form in FORMS.items()}
     best = min(fits, key=lambda name: fits[name].cost)
     # A spectrum that no kernel explains is no evidence for one: likelihoods are compared relative to the misfit left.
     n_free = len(spectrum.power) - len(BOUNDS)
     misfit = max(1.0, 2.0 * fits[best].cost / max(1, n_free))
     if (without.cost - fits[best].cost) / misfit < THRESHOLDS.kernel_evidence:
-        return Kernel()
+        return UNSMOOTHED
     return Kernel(best, fits[best].deviation)
 
 
@@ -175,7 +154,7 @@ class _Spectrum:
         # Frames were averaged and then left out, so that errors of higher frequencies appear at these ones.
         frame = self.dt / self.n_averaged
         angles = self.frequency + 2.0 * np.pi / self.dt * np.arange(self.n_averaged)[:, None]
-        passed = (_sinc(0.5 * angles * self.dt) / _sinc(0.5 * angles * frame)) ** 2
+        passed = (np.sin(0.5 * angles * self.dt) / (self.n_averaged * np.sin(0.5 * angles * frame))) ** 2
         if kernel is not None:
             passed = passed * kernel(angles * np.exp(deviation)) ** 2
         decay = np.exp(-frame / np.exp(memory))  # of first-order autoregressive errors from frame to frame

@@ -131,7 +131,7 @@ def is_of_numerics(trial: Trial) -> bool:
     if trial.candidate.term != Term("reaction_delay"):
         return False
     data, delays = trial.fit.state.data, trial.fit.state.theta[list(trial.candidate.free)]
-    return bool(np.abs(delays).max() < max(THRESHOLDS.least_delay * data.dt, data.smoothing))
+    return bool(np.abs(delays).max() < max(THRESHOLDS.least_delay * data.dt, data.kernel.deviation))
 
 
 def copies_leader(trial: Trial) -> bool:

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.ndimage import gaussian_filter1d
 from scipy.signal import bilinear, lfilter
 
 from rearl_jax.core.following import HARDEST_BRAKING
@@ -54,9 +53,7 @@ def smoothed_alike(known: Float[np.ndarray, "steps pieces"], data: Measured) -> 
     """Acceleration residual smoothed with the kernel of the positions and rescaled to the same standard deviation. The
     model is nearly linear, so smoothed noise behind a smoothed leader produces a smoothed drive.
     """
-    if not data.smoothing:
-        return known
-    smooth = gaussian_filter1d(known, data.smoothing / data.dt, axis=0, mode="nearest")
+    smooth = data.kernel.smoothed(known, data.dt)
     return smooth * (known.std() / max(float(smooth.std()), 1e-12))
 
 

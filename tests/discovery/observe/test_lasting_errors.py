@@ -8,6 +8,7 @@ from scipy.linalg import solve_discrete_are
 
 from rearl_jax.discovery.observe.kalman import MEASURED, Noise, steady_state
 from rearl_jax.discovery.observe.noise import calibrate
+from rearl_jax.discovery.read.kernels import Kernel
 from rearl_jax.discovery.read.lasting import lasting, smooth_lasting
 from rearl_jax.discovery.search.simulated_drives import measured_again
 
@@ -54,7 +55,7 @@ def test_smooth_errors_are_told_from_driving(solver, calibrated, kernel):
     state, noise = calibrated
     assert not noise.lasting, "there are only white errors to begin with"
     errors = smooth_lasting(0.2, 0.5, state.data.y.shape, state.data.dt, np.random.default_rng(1))
-    _, found = calibrate(solver, replace(state.data, y=state.data.y + errors, smoothing=kernel))
+    _, found = calibrate(solver, replace(state.data, y=state.data.y + errors, kernel=Kernel("gaussian", kernel)))
     assert found.is_smooth
     assert found.lasting == pytest.approx(0.2, rel=0.25)
     assert found.lasting_time == pytest.approx(0.5, rel=0.35)

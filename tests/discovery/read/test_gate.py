@@ -6,7 +6,8 @@ from scipy.ndimage import convolve1d
 from scipy.signal import lfilter
 
 from rearl_jax.discovery.read.gate import gate, smoothed_positions
-from rearl_jax.discovery.read.smoothness import KERNELS, Kernel, smoothing_kernel
+from rearl_jax.discovery.read.kernels import FORMS, UNSMOOTHED
+from rearl_jax.discovery.read.smoothness import smoothing_kernel
 
 RATE = 10.0
 """Frames per second of the recordings."""
@@ -58,11 +59,11 @@ def test_smoothed_tracks_are_noticed(tables_of):
     kernel = smoothing_kernel(tables_of("smoothing"), RATE)
     assert 0.4 < kernel.deviation < 0.9
     assert smoothed_positions(kernel).value == kernel.deviation
-    assert smoothing_kernel(tables_of(), RATE) == Kernel()
+    assert smoothing_kernel(tables_of(), RATE) == UNSMOOTHED
 
 
 @pytest.mark.parametrize(("deviation", "errors"), [(0.2, 0.1), (0.4, 0.05), (0.6, 0.1), (0.65, 0.3)])
-@pytest.mark.parametrize("name", KERNELS)
+@pytest.mark.parametrize("name", FORMS)
 def test_the_kernel_and_its_width_are_found_whatever_else_was_smoothed(tables_of, name, deviation, errors):
     kernel = smoothing_kernel(released(tables_of(), name, deviation, errors), RATE)
     assert kernel.name == name
@@ -79,7 +80,7 @@ def test_errors_that_are_large_or_correlated_are_no_kernel(tables_of, errors, no
         drawn = errors * np.sqrt(1 - decay**2) * rng.standard_normal(n_averaged * len(table))
         averaged = lfilter([1.0], [1.0, -decay], drawn).reshape(-1, n_averaged).mean(axis=1)
         noisy.append((table.assign(position=table["position"] + averaged), dt))
-    assert smoothing_kernel(noisy, n_averaged * RATE) == Kernel()
+    assert smoothing_kernel(noisy, n_averaged * RATE) == UNSMOOTHED
 
 
 def test_smooth_errors_count_as_smoothed_positions(tables_of):
@@ -89,4 +90,4 @@ def test_smooth_errors_count_as_smoothed_positions(tables_of):
 
 def test_who_never_accelerates_says_nothing_of_smoothing(tables_of):
     (table, dt), *_ = tables_of()
-    assert smoothing_kernel([(table.assign(position=16.0 * table["frame"]), dt)], RATE) == Kernel()
+    assert smoothing_kernel([(table.assign(position=16.0 * table["frame"]), dt)], RATE) == UNSMOOTHED

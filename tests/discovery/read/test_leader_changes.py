@@ -9,6 +9,7 @@ from rearl_jax.config.driver import record_of
 from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.early_leader import EarlyLeader, RecordedStimulus
+from rearl_jax.discovery.read.kernels import UNSMOOTHED, Kernel
 from rearl_jax.discovery.read.leader_changes import handed_over, handovers
 
 DT, N = 0.1, 100
@@ -57,8 +58,8 @@ def test_a_smoothed_driver_has_answered_to_a_smoothed_step(cut_in):
     near = handovers(*cut_in, DT, 3.0)
     gap = np.where(cut_in[0]["track_id"] == 1, 10.0, 30.0)  # of vehicle 1, and of vehicle 0
     present = np.where(cut_in[2] == NO_VEHICLE, 0.0, gap[np.maximum(cut_in[2], 0) * N])
-    np.testing.assert_array_equal(handed_over(present, gap, near, 0.0, DT), present)
-    smooth = handed_over(present, gap, near, 0.5, DT)[2 * N :]
+    np.testing.assert_array_equal(handed_over(present, gap, near, UNSMOOTHED, DT), present)
+    smooth = handed_over(present, gap, near, Kernel("gaussian", 0.5), DT)[2 * N :]
     assert smooth[0] == 30.0
     assert smooth[-1] == 10.0
     assert (np.diff(smooth) <= 1e-12).all()

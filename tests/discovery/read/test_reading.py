@@ -11,6 +11,7 @@ from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.read import reading, smoothing
+from rearl_jax.discovery.read.kernels import Kernel
 from rearl_jax.discovery.read.smoothness import smoothing_kernel
 from rearl_jax.discovery.read.split import split_drivers
 from rearl_jax.discovery.read.surroundings import look_around
@@ -181,7 +182,7 @@ def test_positions_without_noise_get_a_little(tables_of):
 
 def test_of_smoothed_positions_few_moments_count(tables_of):
     tables, kernel = tables_of(), 0.5
-    data = reading.measure(tables, smoothing=kernel)
+    data = reading.measure(tables, kernel=Kernel("gaussian", kernel))
     assert data.stride == round(reading.APART * kernel / data.dt) > 1
     counts = data.weight.sum(axis=1) > 0
     assert counts[:: data.stride].any()

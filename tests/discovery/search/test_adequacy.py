@@ -72,7 +72,7 @@ def test_restless_drivers_are_not_taken_for_late_ones(solver, calibrated):
 def test_the_right_model_of_smoothed_drives_leaves_correlated_innovations(recordings_of):
     """Noise alone, smoothed alike, correlates them as much: that is no misfit."""
     _, data = measured_drivers(recordings_of("smoothing"), DiscoverConfig())
-    assert data.smoothing > 0.2
+    assert data.kernel.deviation > 0.2
     solver = solver_of(data)
     state, noise = calibrate(solver, data)
     measured = neighbour_autocorrelation(residuals_of(solver, state, noise))
