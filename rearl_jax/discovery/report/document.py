@@ -98,7 +98,7 @@ def document_of(
         _error_section(verdict["error"]),
         base_section(verdict),
         _effect_section(verdict),
-        _failed_section(verdict["failed_tests"]),
+        _failed_section(verdict.get("failed_tests", ())),
         _protocol_section(verdict["error"]),
         _section("Candidates", how_following, _candidate_table("Candidates of car following", following, verdict)),
         _section("Lane choice", how_lanes, _candidate_table("Candidates of lane choice", lanes, verdict)),

@@ -28,7 +28,7 @@ def groups_section(verdict: Mapping[str, Any]) -> Section:
         "group contains its candidates, curves and repaired model."
     )
     notes = _kinds_notes(verdict["grouping"], rows)
-    notes += [f"{row['value']}: {failed_test_words(failed)}" for row in rows for failed in row["failed_tests"]]
+    notes += [f"{row['value']}: {failed_test_words(failed)}" for row in rows for failed in row.get("failed_tests", ())]
     for name, n in verdict["grouping"]["left_out"].items():
         notes.append(f"{n} drivers of group {name} are left out")
     return Section("Groups", (words,), (Table(f"Groups by {by}", headings, drawn),), tuple(map(sentence, notes)))

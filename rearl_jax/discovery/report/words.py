@@ -20,8 +20,8 @@ def verdict_words(verdict: Mapping[str, Any]) -> str:
     findings = [base_words(verdict["base"])] if verdict.get("base") and verdict["base"]["differs"] else []
     if following or not lanes or verdict["verdict"] == "unexplained":
         findings.append(_following_words(verdict["verdict"], following))
-        if verdict["verdict"] == "unexplained":
-            tests = dict.fromkeys(spoken(failed["test"]) for failed in verdict["failed_tests"])
+        tests = dict.fromkeys(spoken(failed["test"]) for failed in verdict.get("failed_tests", ()))
+        if verdict["verdict"] == "unexplained" and tests:
             findings[-1] += f" (failed tests: {', '.join(tests)})"
     if lanes:
         findings.append(f"missing in lane choice: {_names(lanes)}")
