@@ -11,7 +11,7 @@ from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.read import reading, smoothing
-from rearl_jax.discovery.read.kernels import Kernel
+from rearl_jax.discovery.read.kernels import UNSMOOTHED, Kernel
 from rearl_jax.discovery.read.smoothness import smoothing_kernel
 from rearl_jax.discovery.read.split import split_drivers
 from rearl_jax.discovery.read.surroundings import look_around
@@ -241,10 +241,8 @@ def test_nothing_counts_where_the_driver_or_the_leader_has_jumped(tables_of):
 @pytest.mark.slow
 def test_a_simulation_without_noise_is_not_taken_for_smoothed(recordings_of):
     exact = recordings_of(driver_noise=0.0, position_noise=0.0)
-    assert (
-        smoothing_kernel([smoothing.thinned(recording) for recording in exact], exact[0].info.frame_rate).deviation
-        > 0.4
-    )
+    tables = [smoothing.thinned(recording) for recording in exact]
+    assert smoothing_kernel(tables, exact[0].info.frame_rate) == UNSMOOTHED
     findings, data = measured_drivers(exact, DiscoverConfig())
     assert (findings, data.stride) == ([], 1)
     findings, data = measured_drivers(recordings_of("smoothing"), DiscoverConfig())
