@@ -5,9 +5,8 @@ errors with its second, and that of rounding again with its fourth. A kernel mul
 it by the square of its transfer function. The sizes of all these and the width of the kernel are fitted to the
 spectrum for every kernel in use and for none, and the most likely explanation is taken.
 
-A tracker that smooths only the
-errors of positions cannot be told from one that smooths drives too, because at high frequencies drives have less power
-than errors; drives then count as smoothed, and fewer effects can be seen.
+A tracker that smooths only the errors of positions cannot be told from one that smooths drives too, because at high
+frequencies drives have less power than errors; drives then count as smoothed, and fewer effects can be seen.
 """
 
 import operator
@@ -138,8 +137,9 @@ class _Spectrum:
         bounds = np.array(list(BOUNDS.values())).T
         level = measured[0] + USUAL["slope"][0] * np.log(self.frequency[0])
         begin = np.clip([level, *usual[:, 0]], *bounds)
-        varied, values = (3, MEMORIES) if kernel is None else (5, DEVIATIONS)
-        starts = [np.where(np.arange(len(begin)) == varied, np.log(value), begin) for value in values]
+        varied, values = ("memory", MEMORIES) if kernel is None else ("deviation", DEVIATIONS)
+        is_varied = np.array(list(BOUNDS)) == varied
+        starts = [np.where(is_varied, np.log(value), begin) for value in values]
         by_cost = operator.attrgetter("cost")
         tried = [least_squares(residuals, start, bounds=bounds, max_nfev=FIRST_STEPS) for start in starts]
         found = [least_squares(residuals, fit.x, bounds=bounds) for fit in nsmallest(CONTINUED, tried, key=by_cost)]
@@ -169,11 +169,11 @@ def _acceleration_power(tables: Sequence[Thinned], n_averaged: int) -> _Spectrum
     """The spectrum of all tracks, of whose frames `n_averaged` were averaged to one time step; None if they are too
     short, or if no vehicle ever accelerates.
     """
-    powers, window, dt = [], np.empty(0), 0.1
-    for table, dt in tables:
+    powers, dt = [], tables[0][1]
+    n = 2 * int(SPECTRUM_TIME / dt / 2)
+    window = np.hanning(n)
+    for table, _ in tables:
         position = table["position"].to_numpy()
-        n = 2 * int(SPECTRUM_TIME / dt / 2)
-        window = np.hanning(n)
         for start, stop in zip(*track_bounds(table), strict=True):
             acceleration = np.diff(position[start:stop], 2) / dt**2
             for k in range(0, len(acceleration) - n + 1, n):
@@ -182,7 +182,7 @@ def _acceleration_power(tables: Sequence[Thinned], n_averaged: int) -> _Spectrum
     if len(powers) < THRESHOLDS.least_spectrum_windows:
         return None
     power = np.median(powers, axis=0) * dt / (window**2).sum()
-    frequency = 2 * np.pi * np.fft.rfftfreq(len(window), dt)
+    frequency = 2 * np.pi * np.fft.rfftfreq(n, dt)
     used = (frequency > LOWEST_FREQUENCY) & (frequency < HIGHEST_FREQUENCY * np.pi / dt)
     if not power[used].all():
         return None
