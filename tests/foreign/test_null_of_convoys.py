@@ -10,6 +10,7 @@ from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.observe.solver import solver_of
+from rearl_jax.discovery.read.kernels import UNSMOOTHED
 from rearl_jax.discovery.search.null import null_of
 from rearl_jax.discovery.search.screen import evidences, scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -26,6 +27,7 @@ def test_errors_of_receivers_are_no_effects_of_other_vehicles(tmp_path):
     recordings = list(iterate_recordings(DataConfig(format=DataFormat.table, root=str(tmp_path))))
     _, data = measured_drivers(recordings, DiscoverConfig(max_drivers=40))
     assert data.fused_errors is not None
+    assert data.kernel is UNSMOOTHED  # fusing positions with speeds smooths them, their recording did not
     (driver,) = (each for each in DiscoverTask().compared if each.model == "approach_gain_idm")
     solver = solver_of(data, prior_of(driver))
     base = base_of(solver, data, lane_changes=False).fit

@@ -68,11 +68,11 @@ def measured_drivers(
     rate = one_frame_rate(recordings)
     tables = [thinned(recording, rate) for recording in recordings]
     findings, fused_errors = gate(tables), None
+    kernel = smoothing_kernel(tables, rate)  # of the positions as recorded, before speeds are fused with them
     if not any(finding.is_artefact for finding in findings) and has_speed_sensor(tables):
         findings.append(SPEED_SENSOR)
         fused_errors = errors_of_positions(tables)
         tables = [with_fast_speeds(table) for table in tables]
-    kernel = smoothing_kernel(tables, rate)
     labels = labels_of(recordings, options)
     same = options.same or (same if same in labels else None)
     measured_from = partial(
