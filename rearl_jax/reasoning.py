@@ -3,8 +3,9 @@
 import re
 
 # Possessive quantifiers (*+) prevent backtracking, so each pattern passes over a text once.
-_END = re.compile(r"</think(?:ing)?\s*+>", re.IGNORECASE)
-_BEGIN = re.compile(r"<think(?:ing)?\s*+>", re.IGNORECASE)
+# Besides the tags of most models, [THINK] of Magistral and the channels of gpt-oss.
+_END = re.compile(r"[<\[]/think(?:ing)?\s*+[>\]]|<\|channel\|>final\s*+<\|message\|>", re.IGNORECASE)
+_BEGIN = re.compile(r"[<\[]think(?:ing)?\s*+[>\]]|<\|channel\|>analysis\s*+<\|message\|>", re.IGNORECASE)
 
 
 def without_reasoning(text: str) -> str | None:

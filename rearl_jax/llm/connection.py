@@ -29,7 +29,10 @@ _MIN_SECRET_LENGTH = 8
 words.
 """
 
-_EXHAUSTED = (b"insufficient_quota", b"billing_hard_limit")
+_EXHAUSTED = re.compile(
+    rb"insufficient[_ ](?:quota|balance|credit|fund)|exceeded_current_quota|billing_hard_limit|credit balance|arrear",
+    re.IGNORECASE,
+)
 """Texts in responses with status 429 that indicate an exhausted account instead of a rate limit."""
 
 _REQUEST_PATH = re.compile(
@@ -42,14 +45,14 @@ def server_address(base_url: str) -> str:
     """Base address of `/models` and `/chat/completions`, with its query if it has one.
 
     `/chat/completions` at the end is removed, and so is another request path after the version. `/v1` is appended
-    unless the path contains a version such as `v1` or `v1beta`, or the query names a version, as for Azure.
+    unless the path contains a version such as `v1`, `v1beta` or `v1.0`, or the query names a version, as for Azure.
 
     Raises:
         InvalidInputError: The text is not a server address, or contains a password or a key.
     """
     try:
         parts = urlsplit(base_url.strip())
-        is_address = parts.scheme in ("http", "https") and bool(parts.hostname) and (parts.port or 1) > 0
+        is_address = parts.scheme in ("http", "https") and _is_host(parts.hostname) and (parts.port or 1) > 0
     except ValueError:
         is_address = False
     if not is_address:
@@ -61,9 +64,14 @@ def server_address(base_url: str) -> str:
     path = _REQUEST_PATH.sub("", parts.path.rstrip("/"))
     is_whole = path.endswith("/chat/completions") or "api-version=" in parts.query
     path = path.removesuffix("/chat/completions").rstrip("/")
-    if not is_whole and not re.search(r"/v\d+\w*(/|$)", path):
+    if not is_whole and not re.search(r"/v\d[\w.]*(/|$)", path, re.IGNORECASE):
         path += "/v1"
     return f"{parts.scheme}://{parts.netloc}{path}" + (f"?{parts.query}" if parts.query else "")
+
+
+def _is_host(name: str | None) -> bool:
+    """False also for a name with white space, and for the `http` of `http://http://host`."""
+    return bool(name) and not re.search(r"\s", name) and name not in ("http", "https")
 
 
 def read_key(variable: str) -> str:
@@ -119,7 +127,7 @@ class Response:
         if (self.retry_after or 0.0) > self.patience:
             return True
         if self.status == 429:
-            return any(word in self.content for word in _EXHAUSTED)
+            return _EXHAUSTED.search(self.content) is not None
         return self.status < 500 and self.status != 408
 
 

@@ -21,6 +21,9 @@ log = logging.getLogger(__name__)
 _POLL = 1.0
 """Pause between requests to a server that is loading [s]."""
 
+_MAX_LISTED = 20
+"""Number of models that a message names; some servers list hundreds."""
+
 PATIENCE = 10.0
 """Read time-out of a request that needs no model [s]."""
 
@@ -151,10 +154,12 @@ def refused_access(connection: Connection, config: LlmConfig, http: str) -> Inva
 
 
 def _is_partial(response: Response) -> bool:
-    """True if a list of models is empty, or one page of several."""
-    listed = read_json(response.content)
-    return not entries(response) or (
-        isinstance(listed, dict) and any(listed[name] for name in listed if name == "has_more" or "next" in name)
+    """True if a list of models is empty or one page of several, or has patterns such as `openai/*`."""
+    listed, models = read_json(response.content), entries(response)
+    return (
+        not models
+        or any("*" in model["id"] for model in models)
+        or (isinstance(listed, dict) and any(listed[name] for name in listed if name == "has_more" or "next" in name))
     )
 
 
@@ -170,7 +175,9 @@ def _choose_model(names: list[str], wanted: str) -> str | None:
 
 
 def _no_model(names: list[str], wanted: str, place: str) -> InvalidInputError:
-    listed = ", ".join(names) or "none"
+    listed = ", ".join(names[:_MAX_LISTED]) or "none"
+    if len(names) > _MAX_LISTED:
+        listed += f" and {len(names) - _MAX_LISTED} more"
     message = f"must be one of the models of the server at {place} ({listed})"
     problem = Problem("choice-unknown", message, "set it to one of them, or load it there", key="llm.model")
     return InvalidInputError(replace(problem, value=repr(wanted)))

@@ -6,6 +6,7 @@ off. Responses differ in field names only, so one function reads all of them.
 
 import hashlib
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -101,22 +102,24 @@ def read_completion(content: bytes) -> Completion:
     """Completion in the body of a response.
 
     A response without a text gives the empty text if the model was cut off or returned only reasoning. A text in parts
-    is joined, a number is its text; a refusal of the model is its text.
+    is joined, also one that is streamed in events; a number is its text; a refusal of the model is its text.
 
     Raises:
         ValueError: The content is not a chat completion: no JSON, an error, a different structure, no choices, or no
             text.
     """
-    body = _object(read_json(content), "the response")
+    is_streamed = content.lstrip().startswith((b"data:", b"event:", b":"))
+    body = _joined_events(content) if is_streamed else _object(read_json(content), "the response")
     choices = body.get("choices")
     if not isinstance(choices, list) or not choices:
-        raise ValueError(
-            f"the response is an error: {read_error(content)}" if body.get("error") else "the response has no choices"
-        )
+        fault = "is an error" if body.get("error") else "has no choices"
+        raise ValueError(f"the response {fault}: {read_error(content)}")
     choice = _object(choices[0], "the choice")
     if choice.get("error"):
         raise ValueError(f"the response is an error: {read_error(_encode(choice).encode())}")
-    message = _object(choice.get("message"), "the message")
+    message = choice.get("message")
+    if not isinstance(message, dict):
+        raise ValueError(f"the choice has no message: {str(choice)[:_LONGEST_ERROR]}")
     finish = _text(choice.get("finish_reason"))
     try:
         text, thought = _content(message.get("content"))
@@ -128,7 +131,8 @@ def read_completion(content: bytes) -> Completion:
     if text is None and (thinking or finish == "length"):
         text = ""
     if not isinstance(text, str):
-        raise ValueError(f"the message has no text, only {', '.join(map(_text, message))[:80] or 'nothing'}")
+        only = ", ".join(map(_text, message))[:80] or "nothing"
+        raise ValueError(f"the message has no text, only {only} (finish reason: {finish or 'none'})")
     usage, timings = _mapping(body.get("usage")), _mapping(body.get("timings"))
     details = _mapping(usage.get("prompt_tokens_details"))
     cached = _count(details.get("cached_tokens"))
@@ -140,6 +144,36 @@ def read_completion(content: bytes) -> Completion:
         cached_tokens=_count(timings.get("cache_n")) if cached is None else cached,  # llama.cpp's own field
         answer_tokens=_count(usage.get("completion_tokens")),
     )
+
+
+def _joined_events(content: bytes) -> Mapping[str, Any]:
+    """The completion whose parts are server-sent events, which some servers send without being asked to stream.
+
+    Raises:
+        ValueError: An event is not a part of a completion.
+    """
+    whole: dict[str, Any] = {}
+    parts: dict[str, list[Any]] = {}
+    finish = None
+    for line in content.splitlines():
+        name, _, data = line.partition(b":")
+        if name.strip() != b"data" or data.strip() == b"[DONE]":
+            continue
+        event = _object(read_json(data), "the event")
+        whole |= {key: value for key, value in event.items() if value is not None}
+        choices = event.get("choices")
+        for choice in choices if isinstance(choices, list) else []:
+            choice = _object(choice, "the choice")
+            if choice.get("index"):
+                continue  # only the first answer counts
+            finish = choice.get("finish_reason") or finish
+            for key, value in _mapping(choice.get("delta", choice.get("message"))).items():
+                if value is not None and key != "role":
+                    parts.setdefault(key, []).append(value)
+    if whole.get("error") or not parts:
+        return whole | {"choices": None}
+    joined = {key: "".join(map(_text, values)) if key != "content" else values for key, values in parts.items()}
+    return whole | {"choices": [{"finish_reason": finish, "message": joined}]}
 
 
 def _content(content: Any) -> tuple[str | None, str]:
@@ -160,8 +194,8 @@ def _content(content: Any) -> tuple[str | None, str]:
 def read_error(content: bytes) -> str:
     """The error message of a server, on one line of at most `_LONGEST_ERROR` characters."""
     try:
-        reported = read_json(content)
-    except ValueError:
+        reported = json.loads(content)
+    except (ValueError, RecursionError):
         reported = content.decode("utf-8", "replace")
     if isinstance(reported, dict):
         error = reported.get("error", reported)
@@ -171,15 +205,20 @@ def read_error(content: bytes) -> str:
 
 
 def stated_status(status: int, content: bytes) -> int:
-    """HTTP status of a response; for an error in a response with status 200, which some servers send, that error's."""
-    if status != 200 or b'"error"' not in content:
+    """HTTP status of a response; for an error in a good response, which some servers send, that error's.
+
+    All good statuses count as 200, because some gateways answer with 201.
+    """
+    if not 200 <= status < 300:
         return status
+    if b'"error"' not in content:
+        return 200
     try:
         body = _mapping(read_json(content))
     except ValueError:
-        return status
-    code = _mapping(body.get("error")).get("code")
-    return code if not body.get("choices") and type(code) is int and 400 <= code < 600 else status
+        return 200
+    code = str(_mapping(body.get("error")).get("code"))
+    return int(code) if not body.get("choices") and re.fullmatch("[45][0-9][0-9]", code) else 200
 
 
 def read_json(content: bytes) -> Any:
@@ -192,6 +231,8 @@ def read_json(content: bytes) -> Any:
         return json.loads(content)
     except RecursionError:
         raise ValueError("the JSON is nested too deeply") from None
+    except ValueError as error:
+        raise ValueError(f"the response is no JSON: {read_error(content) or 'it is empty'} ({error})") from None
 
 
 def _object(value: Any, name: str) -> Mapping[str, Any]:

@@ -1,11 +1,13 @@
 """The proxy for an address, from the usual environment variables.
 
 `http_proxy`, `https_proxy` and `all_proxy`, in upper or lower case, or the proxy settings of the operating system, name
-proxies. `no_proxy` names hosts, domains and networks without a proxy; addresses of this machine never use one.
+proxies. `no_proxy` names hosts, domains, patterns such as `*.org` and networks without a proxy; addresses of this
+machine never use one.
 """
 
 import os
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from ipaddress import ip_address, ip_network
 from urllib.parse import urlsplit
 from urllib.request import getproxies, proxy_bypass
@@ -42,18 +44,21 @@ def proxy_for(address: str) -> Proxy | None:
     """
     parts = urlsplit(address)
     host, proxies = parts.hostname or "", getproxies()
-    name = next((name for name in (parts.scheme, "all") if proxies.get(name)), None)
-    if name is None or _is_loopback(host) or proxy_bypass(parts.netloc) or proxy_bypass(host) or _is_excepted(host):
+    scheme = next((scheme for scheme in (parts.scheme, "all") if proxies.get(scheme)), None)
+    if scheme is None or _is_loopback(host) or proxy_bypass(parts.netloc) or proxy_bypass(host) or _is_excepted(host):
         return None
-    url = proxies[name] if "://" in proxies[name] else f"http://{proxies[name]}"
-    wanted = f"{name}_proxy"
+    given = proxies[scheme].strip()
+    url = given if "://" in given else f"http://{given}"
+    wanted = f"{scheme}_proxy"
     variable = next((variable for variable in sorted(os.environ, reverse=True) if variable.lower() == wanted), "")
     if (secret := url.partition("://")[2].rpartition("@")[0]) and set(secret) & set("/?#@"):
         fault = "holds a user name or password with a character that addresses do not allow there"
         raise unusable(variable or wanted, fault, "write @ as %40, # as %23, / as %2F and ? as %3F")
     try:
         proxy = urlsplit(url)
-        place, is_proxy = f"{proxy.hostname}:{proxy.port or _port(proxy.scheme)}", bool(proxy.hostname)
+        name = proxy.hostname or ""
+        place = f"{f'[{name}]' if ':' in name else name}:{proxy.port or _port(proxy.scheme)}"
+        is_proxy = bool(name) and " " not in name
     except ValueError:
         is_proxy, place = False, ""
     if not is_proxy or proxy.scheme.lower() not in SCHEMES:
@@ -78,22 +83,26 @@ def _port(scheme: str) -> int:
 
 
 def _is_loopback(host: str) -> bool:
+    """True for this machine, also for 0.0.0.0 and [::], which servers print as the address they listen to."""
     try:
-        return ip_address(host).is_loopback
+        address = ip_address(host)
     except ValueError:
-        return host == "localhost"
+        return f".{host.rstrip('.')}".endswith(".localhost")
+    return address.is_loopback or address.is_unspecified
 
 
 def _is_excepted(host: str) -> bool:
-    """True if `no_proxy` contains a network with this address."""
-    excepted = os.environ.get(exceptions_variable(), "")
+    """True if `no_proxy` contains a pattern of this host or a network with this address."""
+    excepted = [entry.strip().lower() for entry in os.environ.get(exceptions_variable(), "").split(",")]
+    if any("*" in entry and fnmatchcase(host, entry) for entry in excepted):
+        return True
     try:
         address = ip_address(host)
     except ValueError:
         return False
-    for entry in excepted.split(","):
+    for entry in excepted:
         try:
-            if address in ip_network(entry.strip().strip("[]"), strict=False):
+            if address in ip_network(entry.strip("[]"), strict=False):
                 return True
         except ValueError:
             continue

@@ -32,6 +32,8 @@ from tests.refusal import refused
         ),
         ("https://host/openai/deployments/m?api-version=1", "https://host/openai/deployments/m?api-version=1"),
         ("https://host/ai?tenant=3", "https://host/ai/v1?tenant=3"),
+        ("https://host/V1", "https://host/V1"),
+        ("https://host/api/v1.0/", "https://host/api/v1.0"),
         ("https://host/dev1", "https://host/dev1/v1"),
     ],
 )
@@ -39,7 +41,11 @@ def test_address_of_requests(given, address):
     assert server_address(given) == address
 
 
-@pytest.mark.parametrize("given", ["", "127.0.0.1:8000", "ftp://host", "http://", "http://host:99999", "http://host:x"])
+@pytest.mark.parametrize(
+    "given",
+    ["", "127.0.0.1:8000", "ftp://host", "http://", "http://host:99999", "http://host:x"]
+    + ["http://a host/v1", "http://http://host/v1"],
+)
 def test_a_text_that_is_not_an_address_is_an_input_error(given):
     with refused("server-address", key="decision.server"):
         server_address(given)

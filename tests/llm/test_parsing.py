@@ -30,7 +30,8 @@ ANSWERS = {
     + ['{"reason": "4 cars ahead, 2 behind", "action": 3}', '{"action_reason": "4 cars ahead", "action": 3}']
     + ['Here it is: {"action": 3}', '{"action": 3', "<answer>3</answer>", "<think>1 or 2? Action: 2</think>3"]
     + ["so it is 2</think>\n\n3", "<think>a</think>1<think>b</think>3", "<THINKING>2</THINKING >3"]
-    + ["<think>\n\n</think>\n\n3"],
+    + ["<think>\n\n</think>\n\n3", "[THINK]1 or 2?[/THINK]3"]
+    + ["<|channel|>analysis<|message|>1 or 2?<|end|><|start|>assistant<|channel|>final<|message|>3<|return|>"],
     4: ["SLOWER", "The answer is 4.", "At 20.5 m/s I choose 4", "<p>4</p>"],
 }
 """Texts by the action they choose: alone, after a word such as action, in prose, code and JSON, after reasoning."""
@@ -41,6 +42,7 @@ NOTHING = {
     + ["LANE_LEFT is not possible, so 1", "FASTER or IDLE", "The car ahead is faster"]
     + ["You are right, keep the lane", "3.5", "3,5", "v3", "\uff13", "\u0663", "<think>3"]
     + ["<think>Action: 3 </thin", "3 <think> no, 4", "</think>", "<think>3</think>"]
+    + ["[THINK]3", "<|channel|>analysis<|message|>3"]
     + ['{"action": null, "cars": "3 ahead"}', '{"action": [1, 3]}', '{"action": true}', '{"action": {"id": 3}}']
     + ['{"action": 1, "final_action": 3}', "{}", "[1, 3]", "<html><body>Error</body></html>"],
     Cause.out_of_range: ["5", "7", "34", "03", "-1", "\u22123", "Action: -1", "Option -3", "Action: 12", "9" * 5000]

@@ -153,10 +153,40 @@ def test_completion(response, expected):
     + [b'{"choices": [{"message": "3"}]}', b'{"choices": [{"message": {}}]}']
     + [b'{"choices": [{"message": {"content": [true, null]}}]}', b'{"choices": [{"message": {"content": []}}]}']
     + [b'{"choices": [{"message": {"content": ' + b"[" * 900 + b"]" * 900 + b"}}]}"]
-    + [b'{"choices": [{"message": {"content": "3"}}]'],
+    + [b'{"choices": [{"message": {"content": "3"}}]']
+    + [b"data: [DONE]\n\n", b"data: 3\n\n", b'data: {"choices": 3}', b'data: {"choices": [{"delta": {}}]}']
+    + [b'data: {"choices": [{"delta": {"content": "3"}}]}\n\ndata: {"error": {"message": "no"}}\n\n'],
 )
 def test_no_completion(content):
     with pytest.raises(ValueError, match=r"."):
+        read_completion(content)
+
+
+def test_a_completion_streamed_in_events_is_joined():
+    events = [
+        {"choices": [{"index": 0, "delta": {"role": "assistant", "content": None, "reasoning_content": "so "}}]},
+        {"choices": [{"index": 0, "delta": {"reasoning_content": "what"}}]},
+        {"choices": [{"index": 1, "delta": {"content": "4"}}, {"index": 0, "delta": {"content": "lane_"}}]},
+        {"choices": [{"index": 0, "delta": {"content": "left"}, "finish_reason": "stop"}], "usage": None},
+        {"choices": [], "usage": {"prompt_tokens": 9}},
+    ]
+    lines = [": waiting", *(f"data: {json.dumps(event)}" for event in events), "data: [DONE]", ""]
+    expected = Completion("lane_left", "so what", finish="stop", prompt_tokens=9)
+    assert read_completion("\n\n".join(lines).encode()) == expected
+
+
+@pytest.mark.parametrize(
+    ("content", "part"),
+    [
+        (b"<html>log in</html>", "log in"),
+        (b"", "it is empty"),
+        (b'{"choices": null, "base_resp": {"status_msg": "insufficient balance"}}', "insufficient balance"),
+        (b'{"choices": [{"finish_reason": "content_filter"}]}', "content_filter"),
+        (b'{"choices": [{"finish_reason": "content_filter", "message": {"content": null}}]}', "content_filter"),
+    ],
+)
+def test_a_response_without_a_completion_is_quoted(content, part):
+    with pytest.raises(ValueError, match=part):
         read_completion(content)
 
 

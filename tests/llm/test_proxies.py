@@ -40,7 +40,16 @@ def no_proxies(monkeypatch):
         ({"http_proxy": "http://a:1", "no_proxy": "*"}, ADDRESS, None, None),
         ({"http_proxy": "http://a:1", "NO_PROXY": "10.0.0.0/8"}, "http://10.1.2.3:8000/v1", None, None),
         ({"http_proxy": "http://a:1", "NO_PROXY": "10.0.0.0/8"}, "http://11.1.2.3:8000/v1", "a:1", "http_proxy"),
-        ({"http_proxy": "http://a:1"}, "http://localhost:8000/v1", None, None),
+        *(
+            ({"http_proxy": "http://a:1"}, f"http://{host}:8000/v1", None, None)
+            for host in ("localhost", "LOCALHOST.", "llm.localhost", "0.0.0.0", "[::]", "[::1]")
+        ),
+        ({"http_proxy": "http://a:1"}, "http://notlocalhost:8000/v1", "a:1", "http_proxy"),
+        ({"http_proxy": " http://a:1\n"}, ADDRESS, "a:1", "http_proxy"),
+        ({"http_proxy": "http://[fd00::1]:1"}, ADDRESS, "[fd00::1]:1", "http_proxy"),
+        ({"http_proxy": "http://a:1", "NO_PROXY": "x, *.INVALID"}, ADDRESS, None, None),
+        ({"http_proxy": "http://a:1", "NO_PROXY": "10.0.0.*"}, "http://10.0.0.7/v1", None, None),
+        ({"http_proxy": "http://a:1", "NO_PROXY": "*.org"}, ADDRESS, "a:1", "http_proxy"),
         ({"http_proxy": "http://a:1", "no_proxy": "", "NO_PROXY": "model.invalid"}, ADDRESS, "a:1", "http_proxy"),
         ({"http_proxy": "http://a:1", "no_proxy": "", "NO_PROXY": "::/0"}, "http://[::2]:8000/v1", "a:1", "http_proxy"),
     ],
@@ -53,7 +62,7 @@ def test_proxy_for_an_address(monkeypatch, variables, address, place, variable):
     assert "secret" not in str(proxy)
 
 
-@pytest.mark.parametrize("value", ["socks4://127.0.0.1:1080", "ftp://x", "http://", "http://x:port"])
+@pytest.mark.parametrize("value", ["socks4://127.0.0.1:1080", "ftp://x", "http://", "http://x:port", "http://x y:1"])
 def test_a_proxy_that_cannot_be_used_is_named(tmp_path, monkeypatch, value):
     monkeypatch.setenv("ALL_PROXY", value)
     with refused("proxy-unusable", key="ALL_PROXY"):

@@ -62,6 +62,7 @@ def test_requests_to_azure_have_the_query_of_the_address_and_its_header_of_the_k
         Response(200, b'{"object": "list", "data": []}'),
         Response(200, b'{"object": "list", "data": [{"id": "x"}], "has_more": true}'),
         Response(200, b'{"data": [{"id": "x"}], "next_page_token": "2"}'),
+        Response(200, b'{"data": [{"id": "x"}, {"id": "openai/*"}]}'),
         Response(error="ReadTimeout", timed_out=True),
     ],
 )
@@ -171,11 +172,17 @@ def test_a_server_that_refuses_every_request_is_not_asked(tmp_path, status, code
     assert stub.chats == []
 
 
-def test_an_exhausted_account_is_a_refusal(tmp_path, monkeypatch):
-    error = {"error": {"message": "You exceeded your current quota", "code": "insufficient_quota"}}
-
+@pytest.mark.parametrize(
+    "error",
+    [
+        {"message": "You exceeded your current quota", "code": "insufficient_quota"},
+        {"message": "Your account is suspended due to insufficient balance", "type": "exceeded_current_quota_error"},
+        {"message": "Your account is in arrears", "code": "1113"},
+    ],
+)
+def test_an_exhausted_account_is_a_refusal(tmp_path, monkeypatch, error):
     async def complete(stub, request, writer):
-        stub._write(writer, 429, error)
+        stub._write(writer, 429, {"error": error})
 
     monkeypatch.setattr(Stub, "_complete", complete)
     with Stub() as stub, refused("request-refused"):
@@ -253,6 +260,22 @@ def test_a_common_count_of_prompts_of_different_lengths_is_a_limit():
     assert [cut.is_cut(5000 + 100 * n, 4096) for n in range(10)] == [False] * 7 + [True] * 3
     assert not any(whole.is_cut(3000 + 10 * n, 730 + 2 * n) for n in range(100))
     assert not any(silent.is_cut(10_000, count) for count in (None, 0))
+
+
+def test_a_long_list_of_models_is_not_repeated_in_full(tmp_path):
+    with Stub(models=tuple(f"model-{n}" for n in range(300))) as stub, refused("choice-unknown") as caught:
+        Client(make_config(tmp_path, model="other"), stub.url).open()
+    assert "model-0, " in caught.value.problem.fault
+    assert "and 280 more" in caught.value.problem.fault
+
+
+def test_a_good_status_other_than_200_is_a_response(tmp_path, monkeypatch):
+    async def complete(stub, request, writer):
+        stub._write(writer, 201, stub._completion(request.body))
+
+    monkeypatch.setattr(Stub, "_complete", complete)
+    with Stub() as stub:
+        assert causes(stub, make_config(tmp_path)) == {Cause.answered}
 
 
 def test_a_server_without_a_list_gets_the_profile_plain(tmp_path):
