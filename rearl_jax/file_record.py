@@ -50,6 +50,10 @@ class FileRecord:
         with replacing(self._file) as unfinished:
             unfinished.write_text("".join(f"{line}\n" for line in (wanted, *sorted(self._names))), encoding="utf-8")
 
+    def names(self) -> list[str]:
+        """Names of the files that are recorded for this or an earlier study in the folder."""
+        return self._read()[1]
+
     def add(self, name: str) -> None:
         """Records a file, or with `/` at its end the folder of a study inside; nothing without `begin`."""
         if self._names is None or name in self._names:
@@ -64,7 +68,8 @@ class FileRecord:
             lines = self._file.read_text(encoding="utf-8").splitlines()
         except (OSError, UnicodeDecodeError):
             return "", []
-        return (lines[0], lines[1:]) if lines else ("", [])
+        # A record that somebody has changed must not lead to files elsewhere.
+        return (lines[0], [name for name in lines[1:] if _is_inside(name)]) if lines else ("", [])
 
     def _remove(self, names: Collection[str]) -> None:
         for name in names:
@@ -93,6 +98,10 @@ class FileRecord:
                 fault = "names results in the folder of this study, which removes those of an earlier one"
                 remedy = "choose another folder with study=NAME"
                 raise InvalidInputError(Problem("input-in-study", fault, remedy, file=str(folder), key=key, value=text))
+
+
+def _is_inside(name: str) -> bool:
+    return not PurePath(name).is_absolute() and ".." not in PurePath(name).parts
 
 
 def _texts(config: Any, key: str = "") -> Iterator[tuple[str, str]]:

@@ -131,6 +131,13 @@ class Study:
         wanted = {key: self._provenance[key] for key in SAME if self._provenance[key] is not None}
         return all(metadata.get(key) == _as_text(value) for key, value in wanted.items())
 
+    def unknown_files(self, name: str) -> list[str]:
+        """Names of the files in a folder of the study that no study there has recorded and that are not its own."""
+        recorded = self._files.names()
+        found = sorted(path for path in (self.path / name).glob("*") if not path.name.startswith("."))
+        unrecorded = [path for path in found if path.is_file() and f"{name}/{path.name}" not in recorded]
+        return [path.name for path in unrecorded if path.suffix != ".parquet" or not self.owns(f"{name}/{path.stem}")]
+
     def finished_parts(self, name: str) -> set[int]:
         """Numbers of the parts of a table that need not be made again; all other files of the table are removed.
 

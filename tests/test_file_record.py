@@ -80,6 +80,16 @@ def test_a_damaged_record_removes_nothing(tmp_path):
     assert "rows.parquet" in names(begun(tmp_path, {"key": 2}))
 
 
+@pytest.mark.parametrize("inside", ["../outside", "a/../../outside", "{root}/outside"])
+def test_a_changed_record_leads_to_no_file_elsewhere(tmp_path, inside):
+    (tmp_path / "outside").write_text("mine")
+    begun(tmp_path, {"key": 1}).write_table("rows", FRAME)
+    with (tmp_path / ".study.files").open("a") as record:
+        record.write(inside.format(root=tmp_path) + "\n")
+    assert names(begun(tmp_path, {"key": 2})) == ["config.json"]
+    assert (tmp_path / "outside").exists()
+
+
 def test_the_summary_is_the_first_file_that_is_removed(tmp_path, monkeypatch):
     first = begun(tmp_path, {"key": 1})
     first.write_table("rows", FRAME)

@@ -42,8 +42,8 @@ def run(config: PrepareTask) -> dict:
     lane_changes, windows (of time, examined for scenes), n_scenes, dropped (rows, cuts and tracks left out, by cause).
 
     Raises:
-        FileNotFoundError, ValueError: There are no recordings, one is bad (BadRecordingError), or no scene
-            can be cut from them.
+        FileNotFoundError, ValueError: There are no recordings, one is bad (BadRecordingError), no scene can be cut from
+            them, or the folder of the tables holds other files.
     """
     config.scenes.require_free()
     with progress_bar() as progress:
@@ -53,6 +53,8 @@ def run(config: PrepareTask) -> dict:
         generated = is_generated(config.data)
         identity = data_id(config.data)
         study = Study(config.results.root, config.study, config, "prepare", identity, generated=generated)
+        if not generated:
+            _refuse_unknown_tables(study)
         study.write_config()
         task = progress.add_task("recordings", total=count_recordings(config.data))
         tally = _Tally(study, keep_tables=not generated)
@@ -178,6 +180,17 @@ def _refuse_other_recordings(config: PrepareTask) -> None:
         )
         remedy = "name another folder with data.root, or choose with data.recordings"
         raise InvalidInputError(Problem("recordings-beside", fault, remedy, key="data.root", value=config.data.root))
+
+
+def _refuse_unknown_tables(study: Study) -> None:
+    """Raise InvalidInputError for files beside the tables to write, because all of them would be read as one data set.
+
+    Such are a user's own files, and the tables of a study that was copied or renamed.
+    """
+    if unknown := study.unknown_files("tables"):
+        fault = f"holds {', '.join(unknown[:3])}{' and more' if len(unknown) > 3 else ''}, not written by this study"
+        remedy = "move them elsewhere, or choose another folder with study=NAME"
+        raise InvalidInputError(Problem("recordings-beside", fault, remedy, file=str(study.path / "tables")))
 
 
 def _print(summary: dict, *, generated: bool) -> None:

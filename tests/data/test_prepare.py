@@ -105,3 +105,22 @@ def test_recordings_whose_names_differ_by_case_only_have_tables_of_their_own_on_
         "Cam",
         "cam",
     }
+
+
+def test_tables_of_a_copied_study_and_other_files_beside_the_new_ones_are_refused(timed_rows, tmp_path):
+    for name in ("a", "b"):
+        timed_rows.assign(recording=name).to_csv(tmp_path / f"{name}.csv", index=False)
+    run(task(tmp_path, DataFormat.table, "a.csv", n_vehicles=2))
+    tables = tmp_path / "p" / "tables"
+    (tmp_path / ".p.files").unlink()  # as for a copied or renamed folder
+    with refused("recordings-beside", file=str(tables)) as caught:
+        run(task(tmp_path, DataFormat.table, "b.csv", n_vehicles=2))
+    assert "a.parquet" in caught.value.problem.fault
+    assert [file.name for file in tables.iterdir()] == ["a.parquet"]
+    run(task(tmp_path, DataFormat.table, "a.csv", n_vehicles=2))  # the same study writes it again
+    (tables / "a.csv").write_text("")
+    with refused("recordings-beside"):
+        run(task(tmp_path, DataFormat.table, "a.csv", n_vehicles=2))
+    (tables / "a.csv").unlink()
+    run(task(tmp_path, DataFormat.table, "b.csv", n_vehicles=2))
+    assert [file.name for file in tables.iterdir()] == ["b.parquet"]
