@@ -44,8 +44,12 @@ class HighwayParams(eqx.Module):
 
     @property
     def duration(self) -> Int[Array, ""]:
-        """Seconds until an episode is truncated [s]."""
-        duration = jnp.asarray(self.max_steps_in_episode, jnp.int32)
+        """Seconds until an episode is truncated [s].
+
+        Raises:
+            ValueError: It is not a single whole number.
+        """
+        duration = _whole("max_steps_in_episode", self.max_steps_in_episode)
         return duration if self.around is None else jnp.minimum(duration, self.around.n_seconds)
 
     @property
@@ -126,8 +130,11 @@ class FunctionalHighway:
         Args:
             key: Random key of the next episode, if the present one ends.
             state: The scenario.
-            action: Action of the controlled vehicle, see `MetaAction`.
+            action: Action of the controlled vehicle, see `MetaAction`; a number that is none is IDLE.
             params: As in `default_params`.
+
+        Raises:
+            ValueError: The action is not a single whole number.
         """
         params = self.default_params if params is None else params
         after, outcome = self._second(state, action, params)
@@ -204,7 +211,7 @@ class FunctionalHighway:
             return after, highway.outcome_of(after, self.options, duration)
 
         boundary_second = highway.surroundings_now(state, params.around)
-        return in_lockstep(second)(state, jnp.asarray(action, jnp.int32), params.duration, boundary_second)
+        return in_lockstep(second)(state, _whole("action", action), params.duration, boundary_second)
 
     def _renewed(
         self,
@@ -221,6 +228,14 @@ class FunctionalHighway:
             return highway.observe(new, self.options), new
 
         return if_any(ended, begin, (observation, state))
+
+
+def _whole(name: str, value: Any) -> Int[Array, ""]:
+    """A single whole number; ValueError for an array or another type, which a conversion would change in silence."""
+    number = jnp.asarray(value)
+    if number.shape or not jnp.issubdtype(number.dtype, jnp.integer):
+        raise ValueError(f"{name} must be a whole number, got {number.dtype}{list(number.shape) or ''}")
+    return number.astype(jnp.int32)
 
 
 def _drawn_start(key: PRNGKey, params: HighwayParams) -> Start | None:

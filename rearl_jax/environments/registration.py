@@ -4,6 +4,8 @@ from typing import Any, overload
 
 import gymnasium
 
+from rearl_jax.problems import out_of_range
+
 ENV_ID = "rearl_jax/Highway-v0"
 
 
@@ -45,6 +47,9 @@ def make_env(num_envs: int | None = None, **options: Any) -> gymnasium.Env | gym
         ValueError: An option is unknown or outside its range, or the scenes do not fit the road or the
             boundary.
     """
+    mode = options.get("render_mode")
+    if not isinstance(mode, str | None):  # Gymnasium would take it for a text
+        raise out_of_range("render_mode", "must be rgb_array, or None", repr(mode))
     if num_envs is None:
         return gymnasium.make(ENV_ID, **options)
     return gymnasium.make_vec(ENV_ID, num_envs, **options)

@@ -1,6 +1,5 @@
 """The highway as a Gymnasium environment."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
@@ -10,10 +9,10 @@ from jaxtyping import Float, UInt8
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.situation import N_ACTIONS
 from rearl_jax.environments import rendering
+from rearl_jax.environments.arguments import check_reset_options, seed_of, whole_numbers
 from rearl_jax.environments.highway import HighwayOptions
 from rearl_jax.environments.programs import Scenarios, keys_of, restart_program, start_program, step_program
-from rearl_jax.environments.starts import Recorded, options_of, with_scenes
-from rearl_jax.problems import InvalidInputError, Problem
+from rearl_jax.environments.starts import OF_GYMNASIUM, Recorded, options_of, with_scenes
 
 
 class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
@@ -53,24 +52,26 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
                 boundary.
         """
         self.render_mode = rendering.check_render_mode(render_mode)
-        self.options, self._starts = with_scenes(options_of(options), scenes, boundary, data)
+        self.options, self._starts = with_scenes(options_of(options, OF_GYMNASIUM), scenes, boundary, data)
         self._around = None if self._starts is None else self._starts.around
         self.observation_space, self.action_space = spaces(self.options)
         self._scenarios: Scenarios | None = None
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self, *, seed: Any = None, options: dict[str, Any] | None = None
     ) -> tuple[Float[np.ndarray, "rows columns"], dict[str, Any]]:
         """Observation and info at the beginning of an episode.
 
         Args:
-            seed: Seed of this and all later episodes; None to continue the present sequence of episodes.
+            seed: Seed of this and all later episodes, a whole number of any library; None to continue the present
+                sequence of episodes.
             options: There are none.
 
         Raises:
-            ValueError: An option is given.
+            ValueError: An option is given, or the seed is no whole number from 0.
         """
         check_reset_options(options)
+        seed = seed_of(seed)
         super().reset(seed=seed)
         if seed is None and self._scenarios is not None:
             program = restart_program(self.options)
@@ -93,8 +94,8 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
         """
         if self._scenarios is None:
             raise RuntimeError("there is no episode yet: call reset() before step()")
-        number = np.asarray(action)
-        if number.size != 1 or not self.action_space.contains(number.reshape(())):
+        number = whole_numbers(action)
+        if number is None or number.size != 1 or not self.action_space.contains(number.reshape(())):
             raise ValueError(f"action {action!r} is none of 0 to {N_ACTIONS - 1}: see rearl_jax.MetaAction")
         self._scenarios, outcome = step_program(self.options)(
             self._scenarios, self._around, number.reshape(1).astype(np.int32)
@@ -115,13 +116,6 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
         if self._scenarios is None:
             raise RuntimeError("there is no episode yet: call reset() before render()")
         return rendering.pictures(self._scenarios.state, self.options)[0]
-
-
-def check_reset_options(options: Mapping[str, Any] | None, *known: str) -> None:
-    """Raise InvalidInputError for an option of `reset` that is not known."""
-    for name in sorted((options or {}).keys() - set(known)):
-        remedy = f"leave it out{f'; there is {known[0]}' if known else ''}, and give other options to make_env"
-        raise InvalidInputError(Problem("key-unknown", "is not an option of reset()", remedy, key=name))
 
 
 def spaces(options: HighwayOptions) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Discrete]:

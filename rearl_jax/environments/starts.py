@@ -26,19 +26,22 @@ Recorded: TypeAlias = Mapping[str, Any] | pd.DataFrame | None
 """Recordings: keys of the group `data`, or a table in the canonical columns; None for the shipped ones."""
 
 
-_OTHER_OPTIONS = ("scenes", "boundary", "data", "render_mode", "num_envs", "autoreset_mode")
-"""Options of environments besides those of `HighwayOptions`."""
+_MEASURED = ("scenes", "boundary", "data")
+"""Options of every environment besides those of `HighwayOptions`."""
+
+OF_GYMNASIUM = ("render_mode", "num_envs", "autoreset_mode")
+"""Further options of the Gymnasium environments."""
 
 
-def options_of(given: Mapping[str, Any]) -> HighwayOptions:
-    """The options with these values.
+def options_of(given: Mapping[str, Any], others: tuple[str, ...] = ()) -> HighwayOptions:
+    """The options with these values; `others` are further options, for messages.
 
     Raises:
         InvalidInputError: An option is unknown, or has a value of another type or outside its range.
     """
     known = [item.name for item in fields(HighwayOptions)]
     for name in sorted(given.keys() - set(known)):
-        message = f"is not an option; nearest: {nearest(name, [*known, *_OTHER_OPTIONS])}"
+        message = f"is not an option; nearest: {nearest(name, [*known, *_MEASURED, *others])}"
         raise InvalidInputError(Problem("key-unknown", message, key=name))
     return from_plain(HighwayOptions, given)
 

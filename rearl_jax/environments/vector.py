@@ -1,6 +1,5 @@
 """The highway as a Gymnasium vector environment: many scenarios in lockstep in one compiled program."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -13,6 +12,7 @@ from jaxtyping import Bool, Float, UInt8
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.situation import N_ACTIONS
 from rearl_jax.environments import rendering
+from rearl_jax.environments.arguments import check_reset_options, number_of_scenarios, seed_of, whole_numbers
 from rearl_jax.environments.programs import (
     FirstObservation,
     Scenarios,
@@ -21,8 +21,8 @@ from rearl_jax.environments.programs import (
     start_program,
     step_program,
 )
-from rearl_jax.environments.single import check_reset_options, spaces
-from rearl_jax.environments.starts import Recorded, options_of, with_scenes
+from rearl_jax.environments.single import spaces
+from rearl_jax.environments.starts import OF_GYMNASIUM, Recorded, options_of, with_scenes
 from rearl_jax.problems import out_of_range
 
 
@@ -63,11 +63,11 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
             ValueError: An option is unknown or outside its range, or the scenes do not fit the road or the
                 boundary.
         """
-        if num_envs < 1:
-            raise out_of_range("num_envs", "must be at least 1", num_envs)
-        self.num_envs = num_envs
-        self.options, self._starts = with_scenes(options_of(options), scenes, boundary, data)
+        self.num_envs = num_envs = number_of_scenarios(num_envs)
+        self.options, self._starts = with_scenes(options_of(options, OF_GYMNASIUM), scenes, boundary, data)
         self._around = None if self._starts is None else self._starts.around
+        if autoreset_mode not in [*AutoresetMode, *(values := [mode.value for mode in AutoresetMode])]:
+            raise out_of_range("autoreset_mode", f"must be one of {', '.join(values)}", repr(autoreset_mode))
         self._mode = AutoresetMode(autoreset_mode)
         self.render_mode = rendering.check_render_mode(render_mode)
         self.metadata = rendering.metadata(autoreset_mode=self._mode)
@@ -80,7 +80,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
     def reset(
         self,
         *,
-        seed: int | np.integer | Sequence[int | None] | None = None,
+        seed: Any = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Float[np.ndarray, "scenarios rows columns"], dict[str, Any]]:
         """Observations and info at the beginning of episodes.
@@ -94,9 +94,8 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
             ValueError: There are too few seeds, a seed is no whole number from 0, an option is unknown, or the mask is
                 not a mask of the scenarios.
         """
-        seed = int(seed) if isinstance(seed, np.integer) else seed
-        super().reset(seed=seed if isinstance(seed, int) else None)
         seeds = self._seeds(seed)
+        super().reset(seed=None if seed is None or np.ndim(seed) else seeds[0])
         begins = self._mask(options)
         if self._scenarios is None:
             drawn = self.np_random.integers(2**31, size=self.num_envs)
@@ -131,8 +130,8 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         """
         if self._scenarios is None:
             raise RuntimeError("there are no episodes yet: call reset() before step()")
-        actions = np.asarray(actions)
-        if not self.action_space.contains(actions):
+        numbers = whole_numbers(actions)
+        if numbers is None or not self.action_space.contains(numbers):
             raise ValueError(
                 f"actions must be {self.num_envs} whole numbers from 0 to {N_ACTIONS - 1}, see rearl_jax.MetaAction; "
                 f"got {actions!r}"
@@ -142,7 +141,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
             raise RuntimeError(
                 f"{ended_before.sum()} episodes have ended: call reset with options={{'reset_mask': their mask}}"
             )
-        self._scenarios, outcome = step_program(self.options)(self._scenarios, self._around, actions.astype(np.int32))
+        self._scenarios, outcome = step_program(self.options)(self._scenarios, self._around, numbers.astype(np.int32))
         observation, speed = _scenarios_first(outcome.observation), np.asarray(outcome.speed)
         reward = np.asarray(outcome.reward, np.float64)
         terminated, truncated = np.array(outcome.terminated), np.array(outcome.truncated)
@@ -178,18 +177,14 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         self._scenarios, start = restart_program(self.options)(self._scenarios, self._starts, begins)
         return start
 
-    def _seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None]:
+    def _seeds(self, seed: Any) -> list[int | None]:
         """Seeds, one for each scenario."""
-        if seed is None:
-            return [None] * self.num_envs
-        if isinstance(seed, int):
-            return [seed + number for number in range(self.num_envs)]
+        if np.ndim(seed) == 0:
+            first = seed_of(seed)
+            return [None if first is None else first + number for number in range(self.num_envs)]
         if len(seed) != self.num_envs:
             raise ValueError(f"{len(seed)} seeds for {self.num_envs} scenarios: give one for each, or a single one")
-        for given in seed:
-            if not (given is None or (isinstance(given, int | np.integer) and given >= 0)):
-                raise ValueError(f"seeds must be whole numbers from 0, or None to continue; got {given!r}")
-        return seed
+        return [seed_of(given) for given in seed]
 
     def _mask(self, options: dict[str, Any] | None) -> Bool[np.ndarray, " scenarios"]:
         """Mask of the scenarios that restart."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rearl_jax import FunctionalHighway
+from rearl_jax.environments import functional as functional_module
 
 pytestmark = pytest.mark.thorough
 
@@ -100,6 +101,13 @@ def test_traffic_of_any_size(options):
     result = jax.eval_shape(env.step, jax.random.key(0), state, 1)
     assert observation.shape == result[0].shape == (options["n_rows"], 5)
     assert jax.tree.map(lambda leaf: leaf.shape, result[1]) == jax.tree.map(lambda leaf: leaf.shape, state)
+
+
+@pytest.mark.parametrize("number", [1.7, True, np.array([1]), jnp.float32(1)])
+def test_a_number_that_a_conversion_would_change_is_refused(number):
+    with pytest.raises(ValueError, match="action must be a whole number"):
+        functional_module._whole("action", number)
+    assert functional_module._whole("action", np.uint8(3)) == 3
 
 
 def test_it_needs_no_gymnax():

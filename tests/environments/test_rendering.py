@@ -84,6 +84,13 @@ def test_other_modes_are_refused(small, kind, mode):
         kind(**small, render_mode=mode)
 
 
+@pytest.mark.parametrize("mode", [True, ["rgb_array"], b"rgb_array"])
+def test_a_mode_is_a_text(small, mode):
+    for number in (None, 2):
+        with refused("out-of-range", key="render_mode"):
+            make_env(number, **small, render_mode=mode)
+
+
 def test_a_picture_needs_an_episode(small):
     with pytest.raises(RuntimeError):
         HighwayEnv(**small, render_mode="rgb_array").render()

@@ -11,6 +11,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from rearl_jax import FunctionalHighway, MetaAction, make_env
+from rearl_jax.environments.arguments import check_reset_options
 from rearl_jax.environments.highway import HighwayOptions
 from rearl_jax.environments.single import HighwayEnv
 from rearl_jax.environments.starts import options_of
@@ -78,7 +79,21 @@ def test_an_action_is_a_number_of_any_library(env, kind):
 
 
 @pytest.mark.parametrize(
-    "action", [5, -1, 1.5, None, "1", [1, 2], jax.numpy.float32(1), jax.numpy.int32(5), jax.numpy.array([1, 2])]
+    "action",
+    [
+        5,
+        -1,
+        1.5,
+        None,
+        "1",
+        [1, 2],
+        [[1], [1, 2]],
+        True,
+        np.array(1, object),
+        jax.numpy.float32(1),
+        jax.numpy.int32(5),
+        jax.numpy.array([1, 2]),
+    ],
 )
 def test_no_other_actions(env, action):
     env.reset(seed=0)
@@ -135,7 +150,32 @@ def test_options_may_be_numbers_and_arrays_of_numpy():
     assert options == HighwayOptions(n_others=3, speed_levels=(20.0, 30.0))
 
 
+@pytest.mark.parametrize("kind", [np.int64, np.uint32, jax.numpy.int32, np.array])
+def test_a_seed_is_a_number_of_any_library(env, kind):
+    np.testing.assert_array_equal(env.reset(seed=kind(3))[0], env.reset(seed=3)[0])
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, np.float64(3), "3", [3]])
+def test_no_other_seeds(env, seed):
+    with pytest.raises(ValueError, match="whole numbers from 0"):
+        env.reset(seed=seed)
+
+
+def test_an_option_of_another_environment_is_not_proposed():
+    with refused("key-unknown", key="render_mode") as caught:
+        FunctionalHighway(render_mode="rgb_array")
+    assert "nearest: render_mode" not in caught.value.problem.fault
+
+
+@pytest.mark.parametrize("options", ["x", 3, [("x", 1)]])
+def test_options_of_reset_are_a_mapping(options):
+    with refused("wrong-type", key="options"):
+        check_reset_options(options, "reset_mask")
+
+
 def test_options_of_reset_are_refused_unless_known(env, small):
+    with refused("key-unknown", key="1"):
+        check_reset_options({1: 2})
     with refused("key-unknown", key="x"):
         env.reset(options={"x": 1})
     with refused("key-unknown", key="x"):

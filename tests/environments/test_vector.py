@@ -1,13 +1,15 @@
 """The vector environment: Gymnasium's own, of single environments, must not differ from it."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from rearl_jax import make_env
+from rearl_jax.environments.arguments import number_of_scenarios
 from rearl_jax.environments.single import HighwayEnv
-from rearl_jax.problems import InvalidInputError
+from tests.refusal import refused
 
 pytestmark = pytest.mark.thorough
 
@@ -87,7 +89,7 @@ def test_without_automatic_resets(pair):
 def test_seeds_may_be_of_any_kind_and_size(pair):
     ours, _ = pair(AutoresetMode.NEXT_STEP)
     first = ours.reset(seed=5)[0]
-    for seed in (np.int64(5), [5, 6, 7], 2**32 + 5):
+    for seed in (np.int64(5), [5, 6, 7], 2**32 + 5, jnp.int32(5), jnp.array([5, 6, 7]), range(5, 8)):
         np.testing.assert_array_equal(ours.reset(seed=seed)[0], first)
 
 
@@ -102,7 +104,7 @@ def test_what_is_returned_may_be_kept_and_changed(pair):
     assert (ours.step(np.ones(N, int))[0] <= 1).all()
 
 
-@pytest.mark.parametrize("actions", [[1, 2], [0, 1, 5], [0.5, 1.0, 2.0], [[1, 1, 1]]])
+@pytest.mark.parametrize("actions", [[1, 2], [0, 1, 5], [0.5, 1.0, 2.0], [[1, 1, 1]], [True] * 3])
 def test_bad_actions_are_refused(pair, actions):
     ours, _ = pair(AutoresetMode.NEXT_STEP)
     ours.reset(seed=0)
@@ -121,12 +123,19 @@ def test_bad_resets_are_refused(pair, small):
         ours.reset(seed=[1, 2])
     with pytest.raises(ValueError, match="whole numbers from 0"):
         ours.reset(seed=[1, None, -1])
+    for seed in (-1, 1.5, "5", iter([1, 2, 3])):
+        with pytest.raises(ValueError, match="whole numbers from 0"):
+            ours.reset(seed=seed)
     for mask in (np.zeros(N, bool), np.ones(2, bool), np.ones(N, int)):
         with pytest.raises(ValueError, match="reset_mask must be 3 booleans"):
             ours.reset(options={"reset_mask": mask})
-    with pytest.raises(InvalidInputError) as error:
+    with refused("out-of-range", key="num_envs"):
         make_env(0, **small)
-    assert (error.value.code, error.value.problem.key) == ("out-of-range", "num_envs")
+    for number in (-1, 1.5, "2", [2], True):
+        with refused("out-of-range", key="num_envs"):
+            number_of_scenarios(number)
+    with refused("out-of-range", key="autoreset_mode"):
+        make_env(2, **small, autoreset_mode="SAME_STEP")
 
 
 def test_wrappers_of_gymnasium_work(pair):
