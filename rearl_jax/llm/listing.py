@@ -52,7 +52,7 @@ async def find_model(connection: Connection, config: LlmConfig) -> tuple[str, Re
         else:
             connection.address = versioned
     if is_list(response):
-        names = [model["id"] for model in entries(response)]
+        names = [model["id"] for model in entries(response) if "*" not in model["id"]]
         if name := _choose_model(names, config.model):
             return name, response
         if not (config.model and _is_partial(response)):

@@ -262,6 +262,11 @@ def test_a_common_count_of_prompts_of_different_lengths_is_a_limit():
     assert not any(silent.is_cut(10_000, count) for count in (None, 0))
 
 
+def test_a_pattern_in_the_list_is_no_model(tmp_path):
+    with Stub(models=("openai/*",)) as stub, refused("choice-unknown", key="llm.model"):
+        Client(make_config(tmp_path), stub.url).open()
+
+
 def test_a_long_list_of_models_is_not_repeated_in_full(tmp_path):
     with Stub(models=tuple(f"model-{n}" for n in range(300))) as stub, refused("choice-unknown") as caught:
         Client(make_config(tmp_path, model="other"), stub.url).open()
