@@ -97,7 +97,7 @@ def sumo_truth(variant: str) -> dict[str, Any]:
 
 
 def check_sumo() -> None:
-    """Raises ModuleNotFoundError with the remedy if libsumo is missing."""
+    """Raise ModuleNotFoundError with the remedy if libsumo is missing."""
     if find_spec("libsumo") is None:
         raise ModuleNotFoundError(
             "libsumo is not installed, which this study's second source needs: install the extra with "
@@ -182,7 +182,7 @@ def _job_of(
 
 
 def _run(job: dict[str, Any]) -> dict[str, np.ndarray]:
-    """Positions, speeds, accelerations and lanes, [n_steps, n_vehicles]."""
+    """Positions, speeds, accelerations and lanes, `[steps, vehicles]`."""
     with tempfile.TemporaryDirectory(prefix="rearl_blind_sumo_") as name:
         job_file, events_file = Path(name) / "job.json", Path(name) / "events.npz"
         job_file.write_text(json.dumps(job), encoding="utf-8")

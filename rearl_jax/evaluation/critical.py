@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Int
 from rich.progress import Progress
 
 from rearl_jax.baselines.critical.adaptation import GIVEN, Adaptation, Assess, adapt_by_rounds, best_of
@@ -31,7 +32,9 @@ from rearl_jax.progress import shown
 log = logging.getLogger(__name__)
 
 
-def adapt(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress) -> tuple[Mixture, list[Extra]]:
+def adapt(
+    config: EvaluateTask, scenes: SceneSet, subset: Int[np.ndarray, " scenes"], bar: Progress
+) -> tuple[Mixture, list[Extra]]:
     """Shares of the driver classes to evaluate, found on the threshold scenes of a subset, and their extra results.
 
     Raises:
@@ -47,7 +50,7 @@ def adapt(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progr
 
 
 def _search(
-    config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress
+    config: EvaluateTask, scenes: SceneSet, subset: Int[np.ndarray, " scenes"], bar: Progress
 ) -> tuple[Adaptation, pd.DataFrame | None]:
     """The search for the shares, and the requests to a language model."""
     if config.critical.ratios is not None:
@@ -64,7 +67,7 @@ def _search(
 
 
 def _search_with_language_model(
-    config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, try_out: Assess, bar: Progress
+    config: EvaluateTask, scenes: SceneSet, subset: Int[np.ndarray, " scenes"], try_out: Assess, bar: Progress
 ) -> tuple[Adaptation, pd.DataFrame]:
     """The search with proposals of a language model, and the requests to it."""
     critical = config.critical

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from rearl_jax.baselines.critical.adaptation import Assessment
 from rearl_jax.baselines.critical.asking import NEAR_MISS_TIME
@@ -23,7 +23,7 @@ from rearl_jax.evaluation.scores import scores_of
 def assess(
     config: EvaluateTask,
     scenes: SceneSet,
-    subset: np.ndarray,
+    subset: Int[np.ndarray, " scenes"],
     candidates: Sequence[Mixture],
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Assessment]:

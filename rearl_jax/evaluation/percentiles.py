@@ -52,7 +52,7 @@ class BaseValues:
 def base_values(
     config: EvaluateTask,
     scenes: SceneSet,
-    subset: np.ndarray,
+    subset: Int[np.ndarray, " scenes"],
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> BaseValues:
     """Values of base on the threshold scenes, `eval.n_runs` rollouts of each; for variant=all they are simulated

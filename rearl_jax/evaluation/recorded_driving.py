@@ -4,6 +4,7 @@ import logging
 from collections.abc import Iterator
 
 import numpy as np
+from jaxtyping import Int
 from rich.progress import Progress
 
 from rearl_jax.baselines.critical.mixture import Mixture
@@ -22,7 +23,9 @@ _SOURCES = ("baselines/critical", "config", "data")
 """Parts of the package whose code determines the result."""
 
 
-def recorded_shares(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress) -> Mixture:
+def recorded_shares(
+    config: EvaluateTask, scenes: SceneSet, subset: Int[np.ndarray, " scenes"], bar: Progress
+) -> Mixture:
     """Shares of the driver classes among all vehicles that drive during the scenes of a subset.
 
     Raises:
@@ -55,7 +58,9 @@ def recorded_shares(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, 
     return mixture
 
 
-def stretches_of(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray) -> dict[str, list[Stretch]]:
+def stretches_of(
+    config: EvaluateTask, scenes: SceneSet, subset: Int[np.ndarray, " scenes"]
+) -> dict[str, list[Stretch]]:
     """Parts of the recordings that the scenes of a subset show, by recording."""
     stretches: dict[str, list[Stretch]] = {}
     for index in subset:

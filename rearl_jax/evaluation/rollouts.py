@@ -54,7 +54,7 @@ class Rollouts:
         self,
         rows: Sequence[Row],
         scenes: SceneSet,
-        held_out: np.ndarray,
+        held_out: Int[np.ndarray, " scenes"],
         references: References | None = None,
         host_policy: MakePolicy | None = None,
         *,

@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 
 import jax
 import numpy as np
+from jaxtyping import Int
 from rich.progress import Progress
 
 from rearl_jax.baselines.critical.mixture import Mixture
@@ -120,7 +121,9 @@ def _require_same_data(study: FinishedStudy) -> None:
         )
 
 
-def chosen_scenes(scenes: SceneSet, held_out: np.ndarray, options: ReportConfig) -> np.ndarray:
+def chosen_scenes(
+    scenes: SceneSet, held_out: Int[np.ndarray, " scenes"], options: ReportConfig
+) -> Int[np.ndarray, " chosen"]:
     """Indices of the scenes that are shown, in ascending order.
 
     By default they are evenly spaced in the order of mean speed, slowest and fastest included, so that the choice is
@@ -140,7 +143,7 @@ def _replayed(
     study: FinishedStudy,
     config: EvaluateTask,
     inputs: Inputs,
-    chosen: np.ndarray,
+    chosen: Int[np.ndarray, " chosen"],
     n_held_out: int,
     run: int,
     bar: Progress,

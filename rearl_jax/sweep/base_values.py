@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Int
 
 from rearl_jax.config import EvaluateTask
 from rearl_jax.data.scenes.scene_set import SceneSet
@@ -20,7 +21,7 @@ def kept_base_values(
     config: EvaluateTask,
     study: Study,
     scenes: SceneSet,
-    subset: np.ndarray,
+    subset: Int[np.ndarray, " scenes"],
     metadata: Mapping[str, str],
     progress: Callable[[int, int], None],
 ) -> BaseValues:

@@ -11,6 +11,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Int
 from rich.progress import Progress
 
 from rearl_jax import runtime
@@ -100,7 +101,7 @@ def _measured(config: SweepScaleTask, study: Study, bar: Progress, *, generated:
 def list_rollouts(
     config: SweepScaleTask,
     scenes: SceneSet,
-    subset: np.ndarray,
+    subset: Int[np.ndarray, " scenes"],
     references: References | None,
     thresholds: tuple[float, float],
 ) -> Rollouts:

@@ -38,7 +38,7 @@ ARTEFACTS = (
 
 @dataclass(frozen=True)
 class Frames:
-    """Measured columns, arrays [n_frames, n]; `seen` marks vehicles in the view of the camera."""
+    """Measured columns, arrays `[frames, vehicles]`; `seen` marks vehicles in the view of the camera."""
 
     position: np.ndarray
     lateral: np.ndarray

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Int
 from rich.progress import Progress
 
 from rearl_jax.config.budget import BOUNDARY, CALIBRATED, REARL, START, StudyBudgetTask
@@ -48,7 +49,7 @@ class Setting:
 
     config: StudyBudgetTask
     inputs: Inputs
-    held_out: np.ndarray
+    held_out: Int[np.ndarray, " scenes"]
     components: tuple[str, ...]
     model: RepairedModel | None = None
     thresholds: tuple[float, float] = NEVER_EXCEEDED
