@@ -42,7 +42,7 @@ _OPTIONS = (
 
 
 def check_sumo() -> None:
-    """Raises ModuleNotFoundError with the remedy if libsumo is missing."""
+    """Raise ModuleNotFoundError with the remedy if libsumo is missing."""
     if find_spec("libsumo") is None:
         raise ModuleNotFoundError(
             "libsumo is not installed, which export.compare needs: install the extra with "
