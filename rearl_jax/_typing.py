@@ -7,10 +7,14 @@ last, contiguous axis of the core).
 
 from typing import TypeAlias
 
-from jaxtyping import Array, Float, Key
+import numpy as np
+from jaxtyping import Array, Float, Int, Key
 
 ScalarLike: TypeAlias = float | Float[Array, ""]
 """A number outside `jax.jit`, a zero-dimensional array inside."""
 
 PRNGKey: TypeAlias = Key[Array, ""]
 """One typed random key, `jax.random.key(seed)`."""
+
+SceneIndices: TypeAlias = Int[np.ndarray, " scenes"]
+"""Indices of some scenes of a `SceneSet`."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope
 from rearl_jax.evaluation.scores import COMPARING, TITLES, Scores, reference_of
 from rearl_jax.metrics import METRICS
@@ -66,9 +67,7 @@ class Estimate:
     n_scenes: int = 0
 
 
-def estimates(
-    rows: list[Scores], held_out: Int[np.ndarray, " scenes"], eval: EvaluationConfig
-) -> dict[tuple[str, str], Estimate]:
+def estimates(rows: list[Scores], held_out: SceneIndices, eval: EvaluationConfig) -> dict[tuple[str, str], Estimate]:
     """Estimates by row and metric, resampled over the held-out scenes; pairs without any figure are left out.
 
     Source: percentile bootstrap, Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
@@ -115,7 +114,7 @@ def _differences(
     return {key: values for key, values in differences.items() if np.isfinite(values).any()}
 
 
-def scene_means(row: Scores, name: str, held_out: Int[np.ndarray, " scenes"]) -> Float[np.ndarray, " scenes"]:
+def scene_means(row: Scores, name: str, held_out: SceneIndices) -> Float[np.ndarray, " scenes"]:
     """Figure of each held-out scene: mean over runs, or figure of the pooled runs; NaN where there is none."""
     if name in row.pooled:
         return row.pooled[name]

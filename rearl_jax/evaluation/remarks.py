@@ -4,8 +4,8 @@ import json
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from jaxtyping import Int
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import SeedScope
@@ -133,7 +133,7 @@ def speed_bins(hist: HistConfig, speed: np.ndarray) -> str:
     )
 
 
-def _definitions(config: EvaluateTask, scenes: SceneSet, held_out: Int[np.ndarray, " scenes"]) -> tuple[str, ...]:
+def _definitions(config: EvaluateTask, scenes: SceneSet, held_out: SceneIndices) -> tuple[str, ...]:
     road = with_road(config, scenes).core
     return (
         f"Rollouts: {road.n_vehicles} vehicles on {road.lanes} lanes for {scenes.seconds} s, "

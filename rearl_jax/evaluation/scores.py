@@ -8,6 +8,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float, Float32, Int, Shaped
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.metrics import HistConfig, OutOfBounds, RealismConfig
 from rearl_jax.core.batch import join_scenarios
@@ -155,9 +156,7 @@ def of_recordings(scores: Scores, scenes: SceneSet) -> Scores:
     return scores
 
 
-def partners(
-    scenes: SceneSet, held_out: Int[np.ndarray, " scenes"], eval: EvaluationConfig
-) -> tuple[Int[np.ndarray, " pairs"], ...]:
+def partners(scenes: SceneSet, held_out: SceneIndices, eval: EvaluationConfig) -> tuple[Int[np.ndarray, " pairs"], ...]:
     """Pairs for the row real against real: indices of partner and scene, and the run.
 
     Every held-out scene gets `eval.n_runs` other scenes, drawn without replacement among all that share no
@@ -175,9 +174,7 @@ def partners(
     return np.concatenate(partner), np.concatenate(scene), np.concatenate(run)
 
 
-def noise_floor_scores(
-    scenes: SceneSet, held_out: Int[np.ndarray, " scenes"], hist: HistConfig, eval: EvaluationConfig
-) -> Scores:
+def noise_floor_scores(scenes: SceneSet, held_out: SceneIndices, hist: HistConfig, eval: EvaluationConfig) -> Scores:
     """Hellinger distance of two samples, as large as a window, drawn from the speeds of the same held-out scene.
 
     Mean over `eval.noise_draws` pairs of samples per scene; NaN for a scene whose speeds are all left out of the

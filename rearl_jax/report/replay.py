@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Int
 from rich.progress import Progress
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.clustering.search import TRACE
 from rearl_jax.config import EvaluateTask
@@ -121,9 +122,7 @@ def _require_same_data(study: FinishedStudy) -> None:
         )
 
 
-def chosen_scenes(
-    scenes: SceneSet, held_out: Int[np.ndarray, " scenes"], options: ReportConfig
-) -> Int[np.ndarray, " chosen"]:
+def chosen_scenes(scenes: SceneSet, held_out: SceneIndices, options: ReportConfig) -> Int[np.ndarray, " chosen"]:
     """Indices of the scenes that are shown, in ascending order.
 
     By default they are evenly spaced in the order of mean speed, slowest and fastest included, so that the choice is

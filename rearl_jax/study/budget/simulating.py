@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Int
 from rich.progress import Progress
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config.budget import BOUNDARY, CALIBRATED, REARL, START, StudyBudgetTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import Method
@@ -49,7 +49,7 @@ class Setting:
 
     config: StudyBudgetTask
     inputs: Inputs
-    held_out: Int[np.ndarray, " scenes"]
+    held_out: SceneIndices
     components: tuple[str, ...]
     model: RepairedModel | None = None
     thresholds: tuple[float, float] = NEVER_EXCEEDED
