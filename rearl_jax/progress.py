@@ -20,7 +20,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-_MEMORY = 600.0
+_ESTIMATE_PERIOD = 600.0
 """Time span of past steps from which the remaining time is estimated [s]; some steps take minutes."""
 
 QUIET = 15.0
@@ -46,7 +46,7 @@ def in_words(seconds: float) -> str:
 
 
 def shown(bar: Progress, title: str) -> Callable[[int, int], None]:
-    """A line of the bar, as a function of the steps done and their total."""
+    """A function that shows the number of steps done and their total in a line of its own of the bar."""
     line = bar.add_task(title, total=None)
     return lambda done, total: bar.update(line, completed=done, total=total)
 
@@ -100,7 +100,7 @@ def progress_bar() -> Iterator[Progress]:
         *columns,
         console=Console(stderr=True),
         transient=True,
-        speed_estimate_period=_MEMORY,
+        speed_estimate_period=_ESTIMATE_PERIOD,
     )
     handlers = [
         handler

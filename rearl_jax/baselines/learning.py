@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import optax
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from rearl_jax._typing import PRNGKey, ScalarLike
 from rearl_jax.baselines.experience import Experience, advantages, value_of_action
@@ -97,8 +97,7 @@ def decisions_of(experience: Experience, ppo: PpoConfig) -> Decisions:
         decay=ppo.gae_lambda,
     )
 
-    def flat(values: Array) -> Array:
-        """Axes [seconds, rows, vehicles, scenarios] -> [rows, decisions]."""
+    def flat(values: Shaped[Array, "seconds rows vehicles scenarios"]) -> Shaped[Array, "rows decisions"]:
         return jnp.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
 
     return Decisions(

@@ -21,7 +21,7 @@ import numpy as np
 
 from rearl_jax.blind.traffic.dataset import write_tables
 from rearl_jax.blind.traffic.fleet import Fleet, draw_fleet
-from rearl_jax.blind.traffic.measurement import measure
+from rearl_jax.blind.traffic.measurement import LANE_WIDTH, measure
 from rearl_jax.blind.traffic.platoon_leaders import draw_profiles
 from rearl_jax.blind.traffic.scenario import SUB_STEP, Scenario
 from rearl_jax.blind.traffic.simulation import COOL_DOWN, WARM_UP, Events, common_section, place_platoons
@@ -97,7 +97,7 @@ def sumo_truth(variant: str) -> dict[str, Any]:
 
 
 def check_sumo() -> None:
-    """Raises ModuleNotFoundError with the remedy if libsumo is missing."""
+    """Raise ModuleNotFoundError with the remedy if libsumo is missing."""
     if find_spec("libsumo") is None:
         raise ModuleNotFoundError(
             "libsumo is not installed, which this study's second source needs: install the extra with "
@@ -143,14 +143,14 @@ def simulate_sumo(scenario: Scenario, rules: Rules, *, is_moved: bool = False) -
         section = common_section(scenario, now, travelled, np.flatnonzero(fleet.rank == 0), streams[2])
         rules = replace(rules, section=section, limit=rules.limit * now.speed_scale)
     parts = [
-        _run(_order(scenario, fleet, position, speed, profiles, rules, number))
+        _run(_job_of(scenario, fleet, position, speed, profiles, rules, number))
         for number in range(scenario.n_recordings)
     ]
     motion = {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}
     return _events(fleet, motion, rules), rules
 
 
-def _order(
+def _job_of(
     scenario: Scenario,
     fleet: Fleet,
     position: np.ndarray,
@@ -159,7 +159,7 @@ def _order(
     rules: Rules,
     number: int,
 ) -> dict[str, Any]:
-    """Parameters of the simulation of one recording, as plain values."""
+    """Parameters of the simulation of one recording as plain values, which `sumo_worker` reads."""
     members = np.flatnonzero(fleet.recording == number)
     stride = round(STEP / SUB_STEP)
     leader_speeds = profiles[number * scenario.n_lanes : (number + 1) * scenario.n_lanes, ::stride]
@@ -169,6 +169,7 @@ def _order(
         | {
             "step": STEP,
             "n_lanes": scenario.n_lanes,
+            "lane_width": LANE_WIDTH,
             "seed": int(scenario.seed % 2**31),
             "position": position[members].tolist(),
             "speed": speed[members].tolist(),
@@ -180,15 +181,15 @@ def _order(
     )
 
 
-def _run(order: dict[str, Any]) -> dict[str, np.ndarray]:
-    """Positions, speeds, accelerations and lanes, [n_steps, n_vehicles]."""
+def _run(job: dict[str, Any]) -> dict[str, np.ndarray]:
+    """Positions, speeds, accelerations and lanes, `[steps, vehicles]`."""
     with tempfile.TemporaryDirectory(prefix="rearl_blind_sumo_") as name:
-        order_file, events_file = Path(name) / "order.json", Path(name) / "events.npz"
-        order_file.write_text(json.dumps(order), encoding="utf-8")
-        command = [sys.executable, "-m", "rearl_jax.blind.sumo_worker", str(order_file), str(events_file)]
+        job_file, events_file = Path(name) / "job.json", Path(name) / "events.npz"
+        job_file.write_text(json.dumps(job), encoding="utf-8")
+        command = [sys.executable, "-m", "rearl_jax.blind.sumo_worker", str(job_file), str(events_file)]
         finished = subprocess.run(command, capture_output=True, text=True, check=False)
         if finished.returncode != 0:
-            raise RuntimeError(f"SUMO failed on {order['model']}: {finished.stderr.strip()[-2000:]}")
+            raise RuntimeError(f"SUMO failed on {job['model']}: {finished.stderr.strip()[-2000:]}")
         with np.load(events_file) as motion:
             return dict(motion)
 

@@ -32,7 +32,11 @@ class UsageError(InvalidInputError):
 
 
 def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> Any:
-    """The finished record of a task: defaults, then conf/, then the command line."""
+    """The finished record of a task: defaults, then conf/, then the command line.
+
+    Raises:
+        UsageError: The folder of `config_dir` is missing, or a key, a value or a file cannot be read.
+    """
     from hydra import compose, initialize_config_dir
     from omegaconf import OmegaConf
 
@@ -180,7 +184,7 @@ def repeated_keys(overrides: list[str]) -> list[str]:
 
 
 def check_overrides(task: Task, overrides: list[str], config_dir: str | None, *, many: bool = True) -> None:
-    """Refuse unreadable words and unknown keys before Hydra sees them, naming the nearest valid key.
+    """Raise UsageError for unreadable words and unknown keys before Hydra sees them; it names the nearest valid key.
 
     With `many` a key may have several values, one for each job of a multirun.
     """

@@ -73,7 +73,7 @@ def settings(given: Mapping[str, Any], n_jobs: int) -> list[str]:
 
 @contextmanager
 def launcher_errors(given: Mapping[str, Any]) -> Iterator[None]:
-    """Turn the exceptions of a launcher about a job that was killed or refused into an error with a remedy."""
+    """Raise JobError instead of a launcher's own exceptions about a job that was killed or refused."""
     try:
         yield
     except KeyboardInterrupt:

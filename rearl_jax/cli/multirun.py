@@ -170,7 +170,12 @@ def _launch(task: Task, overrides: list[str], given: Mapping[str, Any], n_jobs: 
 
 
 def run_job(composed: Any) -> None:
-    """Runs one job of a multirun; a launcher may call it in another process."""
+    """Runs one job of a multirun; a launcher may call it in another process.
+
+    Raises:
+        JobError: The job failed because of its keys, data or files.
+        RuntimeError: It failed otherwise, in another process; the message contains the traceback.
+    """
     from hydra.core.hydra_config import HydraConfig
     from omegaconf import OmegaConf
 

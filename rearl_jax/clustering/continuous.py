@@ -41,7 +41,9 @@ def _to_centre(
 
 
 def _is_within(
-    curves: np.ndarray, centre: np.ndarray, radius: Float[np.ndarray, " curves"]
+    curves: Float[np.ndarray, "features points curves"],
+    centre: Float[np.ndarray, "features vertices 1"],
+    radius: Float[np.ndarray, " curves"],
 ) -> Bool[np.ndarray, " curves"]:
     """True if the distance is at most the radius.
 
@@ -71,8 +73,12 @@ def _is_within(
 
 
 def _reachable(
-    low: np.ndarray, high: np.ndarray, across: np.ndarray, along: np.ndarray, along_from: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    low: Float[np.ndarray, " curves"],
+    high: Float[np.ndarray, " curves"],
+    across: Bool[np.ndarray, " curves"],
+    along: Bool[np.ndarray, " curves"],
+    along_from: Float[np.ndarray, " curves"],
+) -> tuple[Float[np.ndarray, " curves"], Float[np.ndarray, " curves"]]:
     """Reachable part of a side of a cell whose free part is [low, high].
 
     All of it if the neighbouring side is reachable (`across`); else, if the opposite side is reachable from

@@ -34,10 +34,11 @@ def _to_centres(
     return lax.map(lambda centre: frechet_distances(centre, backwards), centres)
 
 
-def coupled_distances(distance: np.ndarray) -> np.ndarray:
-    """Discrete Frechet distance of all beginnings of two sequences, from the distances of their points.
+def coupled_distances(distance: Float[np.ndarray, "n m curves"]) -> Float[np.ndarray, "n+1 m+1 curves"]:
+    """Discrete Frechet distance of all beginnings of two sequences, from the distances of their points; inf in the
+    first row and column, 0 in their corner.
 
-    Shapes [n, m, curves] -> [n + 1, m + 1, curves]; inf in the first row and column, 0 in their corner.
+    Source: Eiter & Mannila, Computing discrete Frechet distance, TU Wien CD-TR 94/64 (1994).
     """
     n, m, n_curves = distance.shape
     reached = np.full((n + 1, m + 1, n_curves), np.inf)
@@ -54,8 +55,8 @@ def aligned(
 ) -> Bool[np.ndarray, "vertices points curves"]:
     """Points of every curve that are coupled with each vertex in an optimal discrete coupling.
 
-    Of several optimal couplings, traced back from the end, the one that steps back along both sequences if it can, else
-    along the curve.
+    The coupling is traced back from the end. Where several steps back are equally good, it steps back along both
+    sequences rather than along the curve alone, and along the curve rather than along the vertices.
     """
     squared = ((curves[:, None] - vertices[:, :, None, None]) ** 2).sum(axis=0)
     n_vertices, n_points, n_curves = squared.shape

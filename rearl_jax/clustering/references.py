@@ -186,7 +186,11 @@ def cluster(
     identity: str,
     progress: Callable[[str, int, int], None],
 ) -> Clusters:
-    """Both clusterings, of tracks and then of scenes; arguments as in `ReferenceBuilder.build`."""
+    """Both clusterings, of tracks and then of scenes; arguments as in `ReferenceBuilder.build`.
+
+    Raises:
+        InvalidInputError: All tracks drive through scenes on which no clustering may be fitted.
+    """
     allowed = may_be_fitted(splits, config.cluster.fit_on)
     # Vehicles of evaluation and tuning scenes must not influence the centres.
     training = ~picked_in(tracks, scenes, np.flatnonzero(~allowed))

@@ -31,11 +31,10 @@ TRACE = "bo_trace"
 ACQUISITIONS = ("ei", "pi", "lcb")
 """Expected improvement, probability of improvement, lower confidence bound (of the negative objective)."""
 
-_MARGIN = 0.01
-_KAPPA = 1.96
-_ETA = 1.0
-"""Margin of improvement, width of the bound and learning rate of GP-Hedge. Source: defaults of scikit-optimize's
-gp_minimize; here on standardised objectives, so that they do not depend on its unit."""
+_MARGIN, _KAPPA, _ETA = 0.01, 1.96, 1.0
+"""Margin of improvement, width of the bound and learning rate of GP-Hedge, on standardised objectives [-]. Source:
+defaults of scikit-optimize's gp_minimize.
+"""
 
 _REFIT_INTERVAL = 25
 """Rounds between two fits of the kernel, after twice as many rounds; before, it is fitted every round."""

@@ -1,7 +1,7 @@
 """Curves simplified to polylines through few of their points, with the least possible Frechet error of any edge."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 _HALVINGS = 30
 """Halvings of the bracket of a shortcut's error; leaves 1e-9 of it."""
@@ -90,12 +90,12 @@ def _from_point(points: Float[np.ndarray, "curves features rest"]) -> Float[np.n
 
 
 def _bisected(
-    low: np.ndarray,
-    high: np.ndarray,
-    along: np.ndarray,
-    squared_distance: np.ndarray,
-    squared_length: np.ndarray,
-    between: np.ndarray,
+    low: Float[np.ndarray, " shortcuts"],
+    high: Float[np.ndarray, " shortcuts"],
+    along: Float[np.ndarray, "shortcuts rest"],
+    squared_distance: Float[np.ndarray, "shortcuts rest"],
+    squared_length: Float[np.ndarray, " shortcuts"],
+    between: Bool[np.ndarray, "shortcuts rest"],
 ) -> Float[np.ndarray, " shortcuts"]:
     """Errors of segments whose points step back when projected."""
     for _ in range(_HALVINGS):

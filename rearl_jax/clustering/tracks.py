@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int, Shaped
+from jaxtyping import Bool, Float, Float32, Int, Shaped
 
 from rearl_jax.data.records import Recording
 from rearl_jax.data.scenes.scene_set import SceneSet
@@ -82,8 +82,10 @@ class FeatureScale:
         factor = np.where(span > 0, self.weight / np.where(span > 0, span, 1), 0).astype(np.float32)
         return (features - self.low[:, None, None]) * factor[:, None, None]
 
-    def physical(self, centres: np.ndarray) -> np.ndarray:
-        """Unitless centres `[centres, features, vertices]` in units of the features."""
+    def physical(
+        self, centres: Float[np.ndarray, "centres features vertices"]
+    ) -> Float[np.ndarray, "centres features vertices"]:
+        """Unitless centres in units of the features."""
         span = (self.high - self.low).astype(np.float64)
         return self.low[:, None] + centres * (span / self.weight)[:, None]
 
@@ -99,7 +101,7 @@ def picked_in(tracks: TrackSet, scenes: SceneSet, indices: Int[np.ndarray, " sce
 def track_index(
     tracks: TrackSet, scenes: SceneSet, indices: Int[np.ndarray, " scenes"]
 ) -> Int[np.ndarray, "scenes frames slots"]:
-    """Index of the track in every slot of some scenes; -1 for tracks too short to be collected."""
+    """Index of the track in every slot of some scenes; -1 for tracks that were not collected."""
     result = np.full((len(indices), *scenes.track_id.shape[1:]), -1, dtype=np.int64)
     bounds = recording_bounds(tracks.recording)
     for number, scene in enumerate(indices):

@@ -1,4 +1,7 @@
-"""The task of the error budget, and its keys. Base is traffic from highway-env's start with the drivers of the keys."""
+"""The task of the error budget, and its keys.
+
+Base is traffic from highway-env's start with the drivers of the keys `driver` and `mobil`.
+"""
 
 from dataclasses import dataclass
 

@@ -57,7 +57,7 @@ def apply_where(
 
     Args:
         is_affected: Scenarios to treat.
-        function: From arrays `[n_vehicles, *n_scenarios]` to such arrays, without mixing scenarios.
+        function: From arrays `[vehicles, *scenarios]` to such arrays, without mixing scenarios.
         operands: Argument of the function; leaves may have a scenario axis of length 1.
         otherwise: Result of the scenarios not affected.
     """
@@ -188,7 +188,7 @@ def gather(values: Array, index: Int[Array, "*block"], shape: tuple[int, ...]) -
     Args:
         values: Values of all vehicles and scenarios; axes may have length 1.
         index: Flat indices.
-        shape: `[n_vehicles, *n_scenarios]`, of values whose axes all have full length.
+        shape: `(n_vehicles, *n_scenarios)` of values whose axes all have full length.
     """
     if values.size == 1:
         return values.reshape((1,) * index.ndim)

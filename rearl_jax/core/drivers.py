@@ -1,6 +1,6 @@
 """Parameters of each vehicle: car following, lane changing, and vehicle size.
 
-Every leaf has the rank of the state's arrays, `[n_vehicles, *n_scenarios]`; an axis of length 1 means that all elements
+Every leaf has the rank of the state's arrays, `[vehicles, *scenarios]`; an axis of length 1 means that all elements
 share the value, at no cost. Defaults are those of highway-env's `IDMVehicle`.
 """
 
@@ -85,7 +85,7 @@ def highway_env_drivers(
 
     Args:
         accel_exponent: IDM exponent delta of each vehicle; None for 4 everywhere. `highway-v0` draws U(3.5, 4.5).
-        ndim: Rank of the state's arrays (2 for `[n_vehicles, n_scenarios]`), if no exponent is given.
+        ndim: Rank of the state's arrays (2 for `[vehicles, scenarios]`), if no exponent is given.
         dtype: Floating type, if no exponent is given.
         ticks_per_second: Clock of the simulation, for the period of lane-change decisions.
 

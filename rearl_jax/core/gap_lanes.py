@@ -131,7 +131,7 @@ def desired_side(
         state: The traffic.
         derived: Derived quantities of the traffic.
         accelerations: Accelerations on the lanes [m/s^2].
-        gains: Gains of the changes.
+        gains: Gains of the changes [m/s^2].
         drivers: Parameters of all vehicles.
         model: Traffic model; only its road is used.
         before: Result of the last time step.

@@ -189,7 +189,7 @@ def decide_lanes(
         state: The vehicles that decide.
         derived: Derived quantities of these vehicles.
         due: Vehicles whose decision is due.
-        accelerations: Accelerations on the lanes.
+        accelerations: Accelerations on the lanes [m/s^2].
         gains: Gains of a change to the left and to the right [m/s^2].
         drivers: Parameters of these vehicles.
         model: Traffic model; only its road is used.

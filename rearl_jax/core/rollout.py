@@ -20,7 +20,7 @@ from rearl_jax.core.step import step_in_order
 
 
 class Frames(eqx.Module):
-    """The traffic after each second, `[n_steps, n_vehicles, *n_scenarios]`; one frame has no steps axis.
+    """The traffic after each second, `[seconds, vehicles, *scenarios]`; one frame has no axis of seconds.
 
     Attributes:
         x: Position of the centre along the road [m].

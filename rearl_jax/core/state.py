@@ -1,6 +1,6 @@
 """State of the traffic between two time steps, and its construction from measured or drawn vehicles.
 
-Arrays are `[n_vehicles, *n_scenarios]`: the vehicle axis first, in the order of highway-env's vehicle list, the
+Arrays are `[vehicles, *scenarios]`: the vehicle axis first, in the order of highway-env's vehicle list, the
 scenario axis last and contiguous. A single scene has no scenario axis. An index of the vehicle axis is also called a
 slot, because a vehicle that enters takes the slot of one that leaves.
 """
@@ -117,7 +117,7 @@ def make_state(
     """State of vehicles at given positions, built on the host in float64 as highway-env's constructors build it.
 
     Args:
-        x: Positions along the road [m], `[n_vehicles, *n_scenarios]`; lane changes need 0 <= x.
+        x: Positions along the road [m], `[vehicles, *scenarios]`; lane changes need 0 <= x.
         y: Lateral positions [m].
         speed: Speeds [m/s].
         model: The road.

@@ -46,8 +46,8 @@ class HostPolicy(Protocol):
     last.
     """
 
-    def ask(self, situation: Situation) -> Future[np.ndarray]:
-        """Future of an action for every vehicle, `[vehicles, scenarios]`, as from a `Policy`.
+    def ask(self, situation: Situation) -> Future[Int[np.ndarray, "vehicles scenarios"]]:
+        """Future of an action for every vehicle, as from a `Policy`.
 
         Args:
             situation: The traffic at the end of a second; all leaves are NumPy arrays.

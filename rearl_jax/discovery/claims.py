@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its confidence interval; the bounds are None if the number was not fitted."""
+    """A value with its unit and the bounds of its confidence interval, which are None if the value was not fitted."""
 
     value: float
     low: float | None

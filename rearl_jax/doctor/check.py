@@ -16,7 +16,7 @@ class Status(Enum):
 
 @dataclass(frozen=True)
 class Check:
-    """One line of the report."""
+    """One line of the report: what was checked, what was found, and the remedy, empty if none is needed."""
 
     name: str
     status: Status

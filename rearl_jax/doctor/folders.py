@@ -10,7 +10,11 @@ from rearl_jax.whole_files import is_private
 
 _GIB = 2**30
 _LARGE_CACHE = 20 * _GIB
+"""Size of a cache [bytes] from which it should be emptied."""
+
 _LITTLE_SPACE = 5 * _GIB
+"""Free space [bytes] below which a large study may not fit."""
+
 _NO_SPACE = 2**29
 """Free space [bytes] below which even the files of a small study may not fit."""
 

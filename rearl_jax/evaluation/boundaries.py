@@ -1,7 +1,6 @@
 """Recorded traffic that is replayed around simulated scenes (`scenes.boundary`), and the keys that must suit it."""
 
-import numpy as np
-
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import SeedScope
@@ -14,7 +13,7 @@ from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 def check_boundary(config: EvaluateTask, *, has_given_scenes: bool = False) -> None:
-    """Raises InvalidInputError if `scenes.boundary` asks for replayed traffic and other keys do not permit it.
+    """Raise InvalidInputError if `scenes.boundary` asks for replayed traffic and other keys do not permit it.
 
     Args:
         config: The task.
@@ -44,7 +43,7 @@ def check_boundary(config: EvaluateTask, *, has_given_scenes: bool = False) -> N
         raise InvalidInputError(Problem("recordings-needed", message, remedy, key="scenes.boundary", value=source.name))
 
 
-def recorded_boundary(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray) -> SceneBoundary | None:
+def recorded_boundary(config: EvaluateTask, scenes: SceneSet, subset: SceneIndices) -> SceneBoundary | None:
     """Recorded traffic around the scenes with the indices `subset`, from the recordings of the task; None for
     `scenes.boundary=free`.
 

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
 import pandas as pd
 from rich.progress import Progress
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.baselines.critical.adaptation import GIVEN, Adaptation, Assess, adapt_by_rounds, best_of
 from rearl_jax.baselines.critical.answers import BadAnswerError, read_mixture
 from rearl_jax.baselines.critical.asking import LanguageModelProposer, Reply
@@ -31,7 +31,7 @@ from rearl_jax.progress import shown
 log = logging.getLogger(__name__)
 
 
-def adapt(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress) -> tuple[Mixture, list[Extra]]:
+def adapt(config: EvaluateTask, scenes: SceneSet, subset: SceneIndices, bar: Progress) -> tuple[Mixture, list[Extra]]:
     """Shares of the driver classes to evaluate, found on the threshold scenes of a subset, and their extra results.
 
     Raises:
@@ -47,7 +47,7 @@ def adapt(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progr
 
 
 def _search(
-    config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress
+    config: EvaluateTask, scenes: SceneSet, subset: SceneIndices, bar: Progress
 ) -> tuple[Adaptation, pd.DataFrame | None]:
     """The search for the shares, and the requests to a language model."""
     if config.critical.ratios is not None:
@@ -64,7 +64,7 @@ def _search(
 
 
 def _search_with_language_model(
-    config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, try_out: Assess, bar: Progress
+    config: EvaluateTask, scenes: SceneSet, subset: SceneIndices, try_out: Assess, bar: Progress
 ) -> tuple[Adaptation, pd.DataFrame]:
     """The search with proposals of a language model, and the requests to it."""
     critical = config.critical

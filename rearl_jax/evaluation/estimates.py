@@ -11,7 +11,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float, Int
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope
 from rearl_jax.evaluation.scores import COMPARING, TITLES, Scores, reference_of
 from rearl_jax.metrics import METRICS
@@ -65,7 +67,7 @@ class Estimate:
     n_scenes: int = 0
 
 
-def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) -> dict[tuple[str, str], Estimate]:
+def estimates(rows: list[Scores], held_out: SceneIndices, eval: EvaluationConfig) -> dict[tuple[str, str], Estimate]:
     """Estimates by row and metric, resampled over the held-out scenes; pairs without any figure are left out.
 
     Source: percentile bootstrap, Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
@@ -105,14 +107,14 @@ def _varies_over_scenes(name: str, eval: EvaluationConfig) -> bool:
 
 
 def _differences(
-    means: dict[tuple[str, str], np.ndarray], others: dict[tuple[str, str], tuple[str, str]]
-) -> dict[tuple[str, str], np.ndarray]:
+    means: dict[tuple[str, str], Float[np.ndarray, " scenes"]], others: dict[tuple[str, str], tuple[str, str]]
+) -> dict[tuple[str, str], Float[np.ndarray, " scenes"]]:
     """Means less those of the row and metric in `others`, scene by scene; without differences that no scene has."""
     differences = {key: means[key] - means[other] for key, other in others.items() if other in means}
     return {key: values for key, values in differences.items() if np.isfinite(values).any()}
 
 
-def scene_means(row: Scores, name: str, held_out: np.ndarray) -> np.ndarray:
+def scene_means(row: Scores, name: str, held_out: SceneIndices) -> Float[np.ndarray, " scenes"]:
     """Figure of each held-out scene: mean over runs, or figure of the pooled runs; NaN where there is none."""
     if name in row.pooled:
         return row.pooled[name]
@@ -132,7 +134,9 @@ def spread_over_runs(row: Scores, name: str) -> float | None:
     return float(np.std(means, ddof=1)) if len(means) > 1 else None
 
 
-def grouped_mean(values: np.ndarray, group: np.ndarray, n_groups: int) -> np.ndarray:
+def grouped_mean(
+    values: Float[np.ndarray, " values"], group: Int[np.ndarray, " values"], n_groups: int
+) -> Float[np.ndarray, " groups"]:
     """Mean of the finite values of each group; NaN for a group without any."""
     valid = np.isfinite(values)
     counts = np.bincount(group[valid], minlength=n_groups)
@@ -140,13 +144,13 @@ def grouped_mean(values: np.ndarray, group: np.ndarray, n_groups: int) -> np.nda
     return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
 
 
-def finite_mean(values: np.ndarray) -> float:
+def finite_mean(values: Float[np.ndarray, " values"]) -> float:
     """Mean of the finite values; NaN without any."""
     return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
 
 
 def means_with_intervals(
-    figures: Sequence[np.ndarray], eval: EvaluationConfig
+    figures: Sequence[Float[np.ndarray, " scenes"]], eval: EvaluationConfig
 ) -> list[tuple[float, float | None, float | None]]:
     """Mean of each figure over the scenes, NaN without a value, with the ends of its interval, as in `intervals`."""
     if not figures:
@@ -155,11 +159,13 @@ def means_with_intervals(
     return [(finite_mean(values), *bounds) for values, bounds in zip(figures, ends, strict=True)]
 
 
-def intervals(values: np.ndarray, eval: EvaluationConfig) -> list[tuple[float | None, float | None]]:
+def intervals(
+    values: Float[np.ndarray, "scenes columns"], eval: EvaluationConfig
+) -> list[tuple[float | None, float | None]]:
     """Ends of the percentile bootstrap interval of the mean over scenes, for each column; all columns have the same
     resamples.
 
-    A missing value (NaN) does not count. None if fewer than two rows have a value.
+    A missing value (NaN) does not count. None if fewer than two scenes have a value.
     """
     valid = np.isfinite(values)
     known = np.where(valid, values, 0.0)
@@ -185,7 +191,7 @@ def bootstrap_over(n_scenes: int, scenes: str, confidence: float) -> str:
     return f"{100 * confidence:g} % bootstrap over {n_scenes} {scenes}{few}"
 
 
-def _weights(n_scenes: int, eval: EvaluationConfig) -> Iterator[np.ndarray]:
+def _weights(n_scenes: int, eval: EvaluationConfig) -> Iterator[Float[np.ndarray, "draws scenes"]]:
     """Number of times that each scene is drawn in each resample, block by block."""
     rng = np.random.default_rng([eval.seed, n_scenes])
     block = max(1, _MAX_WEIGHTS // n_scenes)

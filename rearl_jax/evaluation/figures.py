@@ -1,7 +1,7 @@
 """Figures of an evaluation as PNG bytes: speed histogram, errors over time, space-time diagram."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
@@ -151,11 +151,14 @@ def draw_actions(
 
 
 def _draw_paths(
-    axes: Axes, norm: Normalize, x: np.ndarray, speed: np.ndarray, lane: np.ndarray, track: np.ndarray
+    axes: Axes,
+    norm: Normalize,
+    x: Float[np.ndarray, "seconds slots"],
+    speed: Float[np.ndarray, "seconds slots"],
+    lane: Int[np.ndarray, "seconds slots"],
+    track: Int[np.ndarray, "seconds slots"],
 ) -> None:
-    """Lines in space and time, coloured by speed, from arrays `[seconds, slots]`; the vehicle in a slot (`track`) may
-    change.
-    """
+    """Lines in space and time, coloured by speed; the vehicle in a slot (`track`) may change."""
     time = np.broadcast_to(np.arange(len(x))[:, None], x.shape)
     order = np.lexsort((time.ravel(), track.ravel()))
     time, x, speed, lane, track = (values.ravel()[order] for values in (time, x, speed, lane, track))
@@ -171,7 +174,9 @@ def _draw_paths(
     axes.autoscale_view()
 
 
-def _mark_crashes(axes: Axes, x: np.ndarray, crashed: np.ndarray) -> None:
+def _mark_crashes(
+    axes: Axes, x: Float[np.ndarray, "seconds slots"], crashed: Bool[np.ndarray, "seconds slots"]
+) -> None:
     """A cross where each vehicle is first seen crashed."""
     first, slots = np.nonzero(crashed & ~np.concatenate([np.zeros_like(crashed[:1]), crashed[:-1]]))
     axes.plot(first, x[first, slots], "x", color="red", markersize=6, markeredgewidth=1.5)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import jax
 import numpy as np
 import pandas as pd
-from jaxtyping import Int
+from jaxtyping import Int, Shaped
 
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.loop import Decisions
@@ -21,7 +21,7 @@ class DecisionLog:
     Attributes:
         scene: Index of the scene whose initial state a rollout has.
         run: Run of each rollout.
-        decisions: Second by second, `[n_steps, n_rollouts]`.
+        decisions: Second by second, `[seconds, rollouts]`.
     """
 
     scene: Int[np.ndarray, " rollouts"]
@@ -84,8 +84,8 @@ def decision_table(scenes: SceneSet, log: DecisionLog, window: int) -> pd.DataFr
     return pd.DataFrame(columns)
 
 
-def _long(values: np.ndarray | jax.Array) -> np.ndarray:
-    """Values `[n_steps, n_rollouts]` as one column, rollout after rollout."""
+def _long(values: Shaped[np.ndarray | jax.Array, "seconds rollouts"]) -> Shaped[np.ndarray, " rows"]:
+    """Values as one column, rollout after rollout."""
     return np.asarray(values).T.reshape(-1)
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.baselines.critical.adaptation import Assessment
 from rearl_jax.baselines.critical.asking import NEAR_MISS_TIME
 from rearl_jax.baselines.critical.mixture import Mixture
@@ -23,7 +24,7 @@ from rearl_jax.evaluation.scores import scores_of
 def assess(
     config: EvaluateTask,
     scenes: SceneSet,
-    subset: np.ndarray,
+    subset: SceneIndices,
     candidates: Sequence[Mixture],
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Assessment]:

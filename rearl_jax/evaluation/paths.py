@@ -7,6 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.core.batch import ScenarioMap
@@ -94,7 +95,7 @@ def with_paths(
     paths: Paths,
     column: Int[np.ndarray, " pairs"],
     observed: Paths,
-    held_out: Int[np.ndarray, " scenes"],
+    held_out: SceneIndices,
 ) -> Scores:
     """The row with displacement and Frechet distance of every pair, and the energy score of every held-out scene.
 

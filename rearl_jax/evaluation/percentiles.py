@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from rich.progress import Progress
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.detection import Cues
 from rearl_jax.config.evaluation import Method
@@ -52,7 +53,7 @@ class BaseValues:
 def base_values(
     config: EvaluateTask,
     scenes: SceneSet,
-    subset: np.ndarray,
+    subset: SceneIndices,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> BaseValues:
     """Values of base on the threshold scenes, `eval.n_runs` rollouts of each; for variant=all they are simulated

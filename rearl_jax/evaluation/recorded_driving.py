@@ -3,9 +3,9 @@
 import logging
 from collections.abc import Iterator
 
-import numpy as np
 from rich.progress import Progress
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.baselines.critical.statistics import Driving, Stretch, driving_of, recorded_mixture
 from rearl_jax.cache import kept_path, read_arrays, write_arrays
@@ -22,7 +22,7 @@ _SOURCES = ("baselines/critical", "config", "data")
 """Parts of the package whose code determines the result."""
 
 
-def recorded_shares(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress) -> Mixture:
+def recorded_shares(config: EvaluateTask, scenes: SceneSet, subset: SceneIndices, bar: Progress) -> Mixture:
     """Shares of the driver classes among all vehicles that drive during the scenes of a subset.
 
     Raises:
@@ -55,7 +55,7 @@ def recorded_shares(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, 
     return mixture
 
 
-def stretches_of(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray) -> dict[str, list[Stretch]]:
+def stretches_of(config: EvaluateTask, scenes: SceneSet, subset: SceneIndices) -> dict[str, list[Stretch]]:
     """Parts of the recordings that the scenes of a subset show, by recording."""
     stretches: dict[str, list[Stretch]] = {}
     for index in subset:

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import SeedScope
@@ -132,7 +133,7 @@ def speed_bins(hist: HistConfig, speed: np.ndarray) -> str:
     )
 
 
-def _definitions(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray) -> tuple[str, ...]:
+def _definitions(config: EvaluateTask, scenes: SceneSet, held_out: SceneIndices) -> tuple[str, ...]:
     road = with_road(config, scenes).core
     return (
         f"Rollouts: {road.n_vehicles} vehicles on {road.lanes} lanes for {scenes.seconds} s, "

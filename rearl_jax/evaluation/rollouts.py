@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, Key
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.baselines.weights import TrainedPolicy, load_policy
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import Method, SeedScope
@@ -54,7 +55,7 @@ class Rollouts:
         self,
         rows: Sequence[Row],
         scenes: SceneSet,
-        held_out: np.ndarray,
+        held_out: SceneIndices,
         references: References | None = None,
         host_policy: MakePolicy | None = None,
         *,

@@ -9,6 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import SeedScope
@@ -52,7 +53,7 @@ class Sample:
 
     Attributes:
         example: Index of the scene in the space-time diagram.
-        frames: First rollout of that scene, `[n_steps, n_vehicles]`.
+        frames: First rollout of that scene, `[seconds, vehicles]`.
         lengths: Lengths of the vehicles in this rollout [m].
         around: Recorded traffic around that scene; None for a free road.
         speed_counts: Simulated speeds of all rollouts per bin of `speed_histogram_edges`.
@@ -85,7 +86,7 @@ class Evaluation:
 
     config: EvaluateTask
     scenes: SceneSet
-    held_out: Int[np.ndarray, " scenes"]
+    held_out: SceneIndices
     rows: list[Scores]
     sample: Sample
     main: str
@@ -111,7 +112,7 @@ class Evaluation:
 def evaluate(
     config: EvaluateTask,
     scenes: SceneSet,
-    held_out: np.ndarray,
+    held_out: SceneIndices,
     progress: Callable[[int, int], None] = lambda done, total: None,
     references: References | None = None,
     thresholds: tuple[float, float] = NEVER_EXCEEDED,
@@ -174,7 +175,7 @@ def simulated_row(
     rollouts: Rollouts,
     scorer: Scorer,
     scenes: SceneSet,
-    held_out: np.ndarray,
+    held_out: SceneIndices,
     example: int,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> tuple[Scores, Sample, DecisionLog | None, Positions | None]:
@@ -223,7 +224,7 @@ def simulated_row(
 def scored_rollouts(
     rollouts: Rollouts,
     scenes: SceneSet,
-    held_out: np.ndarray,
+    held_out: SceneIndices,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Scores:
     """Scores of the rollouts of one row or of several, in their order, against the held-out scenes."""
@@ -261,7 +262,7 @@ class ScoredChunk:
 
 
 def scored_chunks(
-    rollouts: Rollouts, scorer: Scorer, held_out: np.ndarray, progress: Callable[[int, int], None]
+    rollouts: Rollouts, scorer: Scorer, held_out: SceneIndices, progress: Callable[[int, int], None]
 ) -> Iterator[tuple[Simulated, ScoredChunk]]:
     """Rollouts chunk by chunk, each scored against its scene.
 
@@ -280,10 +281,8 @@ def scored_chunks(
             if is_shared:
                 column, scene = np.repeat(column, len(held_out)), np.tile(held_out, len(part))
             track = None if part.boundary is None else part.boundary.track_id[part.column]
-            yield (
-                selected,
-                ScoredChunk(column, scene, part.run[column], scorer.simulated(selected, column, scene, track)),
-            )
+            metrics = scorer.simulated(selected, column, scene, track)
+            yield selected, ScoredChunk(column, scene, part.run[column], metrics)
             done += len(part)
             progress(done, len(rollouts))
 
@@ -294,7 +293,7 @@ def _joined(name: str, chunks: list[ScoredChunk], n_rollouts: int) -> Scores:
     return scores_of(name, scene, run, metrics, n_rollouts=n_rollouts)
 
 
-def reference_rows(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray, scorer: Scorer) -> list[Scores]:
+def reference_rows(config: EvaluateTask, scenes: SceneSet, held_out: SceneIndices, scorer: Scorer) -> list[Scores]:
     """The rows real against real, noise floor and real (the held-out scenes themselves)."""
     begin = time.perf_counter()
     partner, scene, run = partners(scenes, held_out, config.eval)
@@ -319,7 +318,7 @@ def speed_histogram_edges(hist: HistConfig) -> Float[np.ndarray, " edges"]:
     return np.linspace(hist.low, hist.high, DRAWN_BINS_PER_BIN * hist.n_bins + 1)
 
 
-def example_scene(scenes: SceneSet, held_out: np.ndarray, scene_id: int | None) -> int:
+def example_scene(scenes: SceneSet, held_out: SceneIndices, scene_id: int | None) -> int:
     """Index of the scene in the space-time diagram: the requested one, or the held-out one of median mean speed.
 
     The choice depends on the recordings alone, so that no simulation is chosen because it looks good.
@@ -333,7 +332,9 @@ def example_scene(scenes: SceneSet, held_out: np.ndarray, scene_id: int | None) 
     return int(named_scenes(scenes, held_out, [scene_id], "eval.example")[0])
 
 
-def named_scenes(scenes: SceneSet, held_out: np.ndarray, scene_ids: Collection[int], key: str) -> np.ndarray:
+def named_scenes(
+    scenes: SceneSet, held_out: SceneIndices, scene_ids: Collection[int], key: str
+) -> Int[np.ndarray, " named"]:
     """Indices of the scenes with these numbers, in ascending order; `key` is the configuration key that names them.
 
     Raises:

@@ -6,8 +6,9 @@ from functools import cache, partial
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Float32, Int, Shaped
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.metrics import HistConfig, OutOfBounds, RealismConfig
 from rearl_jax.core.batch import join_scenarios
@@ -99,11 +100,11 @@ class Scores:
 
 def scores_of(
     row: str,
-    scene: np.ndarray,
-    run: np.ndarray,
+    scene: Int[np.ndarray, " pairs"],
+    run: Int[np.ndarray, " pairs"],
     metrics: SceneMetrics,
     *,
-    partner: np.ndarray | None = None,
+    partner: Int[np.ndarray, " pairs"] | None = None,
     n_rollouts: int = 0,
     seconds: float = 0.0,
 ) -> Scores:
@@ -139,6 +140,9 @@ def of_recordings(scores: Scores, scenes: SceneSet) -> Scores:
     Recorded lane-change rates count every vehicle of a snapshot over the second after it, also those that are not
     among the picked ones of the next snapshot. A scene scored against itself keeps only the metrics that describe
     one scene.
+
+    Raises:
+        InvalidInputError: The scores are those of a simulation.
     """
     if scores.partner is None:
         message = f"row {scores.row} is a simulation: its lane-change rate is already measured"
@@ -152,7 +156,7 @@ def of_recordings(scores: Scores, scenes: SceneSet) -> Scores:
     return scores
 
 
-def partners(scenes: SceneSet, held_out: np.ndarray, eval: EvaluationConfig) -> tuple[np.ndarray, ...]:
+def partners(scenes: SceneSet, held_out: SceneIndices, eval: EvaluationConfig) -> tuple[Int[np.ndarray, " pairs"], ...]:
     """Pairs for the row real against real: indices of partner and scene, and the run.
 
     Every held-out scene gets `eval.n_runs` other scenes, drawn without replacement among all that share no
@@ -170,7 +174,7 @@ def partners(scenes: SceneSet, held_out: np.ndarray, eval: EvaluationConfig) -> 
     return np.concatenate(partner), np.concatenate(scene), np.concatenate(run)
 
 
-def noise_floor_scores(scenes: SceneSet, held_out: np.ndarray, hist: HistConfig, eval: EvaluationConfig) -> Scores:
+def noise_floor_scores(scenes: SceneSet, held_out: SceneIndices, hist: HistConfig, eval: EvaluationConfig) -> Scores:
     """Hellinger distance of two samples, as large as a window, drawn from the speeds of the same held-out scene.
 
     Mean over `eval.noise_draws` pairs of samples per scene; NaN for a scene whose speeds are all left out of the
@@ -249,16 +253,18 @@ def with_realism(rows: list[Scores], real: Scores, realism: RealismConfig) -> li
     return [complete.get(row.row, row) for row in rows]
 
 
-def _speed_shares(speed: np.ndarray, hist: HistConfig) -> np.ndarray:
-    """Share of the speeds in each bin of the Hellinger distance; float32."""
+def _speed_shares(speed: Float[np.ndarray, "seconds slots"], hist: HistConfig) -> Float32[np.ndarray, " bins"]:
+    """Share of the speeds [m/s] in each bin of the Hellinger distance."""
     if hist.oob is OutOfBounds.clip:
         speed = np.clip(speed, hist.low, hist.high)
     counts, _ = np.histogram(speed, np.array(speed_edges(hist)))
     return (counts / max(counts.sum(), 1)).astype(np.float32)
 
 
-def _summed(counts: np.ndarray, group: np.ndarray, n_groups: int) -> np.ndarray:
-    """Bin counts added up by group, along the last axis."""
+def _summed(
+    counts: Shaped[np.ndarray, "*bins pairs"], group: Int[np.ndarray, " pairs"], n_groups: int
+) -> Shaped[np.ndarray, "*bins groups"]:
+    """Bin counts added up by group."""
     total = np.zeros((n_groups, *counts.shape[:-1]), counts.dtype)
     np.add.at(total, group, np.moveaxis(counts, -1, 0))
     return np.moveaxis(total, 0, -1)

@@ -49,7 +49,7 @@ class Scorer:
         self._map = _program(config, per_device)
         self._batch_size = per_device * len(jax.local_devices())
 
-    def recorded(self, scored: np.ndarray, scene: np.ndarray) -> SceneMetrics:
+    def recorded(self, scored: Int[np.ndarray, " pairs"], scene: Int[np.ndarray, " pairs"]) -> SceneMetrics:
         """Metrics of the recorded scenes `scored` against the recorded scenes `scene`, both by index, pair by pair."""
         batches = self._batches(len(scene))
         return join_scenarios([self._score(self._recorded(scored[batch]), scene[batch]) for batch in batches])
@@ -57,8 +57,8 @@ class Scorer:
     def simulated(
         self,
         simulated: Simulated,
-        rollout: np.ndarray,
-        scene: np.ndarray,
+        rollout: Int[np.ndarray, " pairs"],
+        scene: Int[np.ndarray, " pairs"],
         track_id: Int[np.ndarray, "rollouts seconds vehicles"] | None = None,
     ) -> SceneMetrics:
         """Metrics of rollouts against recorded scenes, pair by pair.
@@ -80,7 +80,7 @@ class Scorer:
     def _batches(self, n_pairs: int) -> Iterator[slice]:
         return (slice(start, start + self._batch_size) for start in range(0, n_pairs, self._batch_size))
 
-    def _score(self, trajectories: dict[str, np.ndarray], scene: np.ndarray) -> SceneMetrics:
+    def _score(self, trajectories: dict[str, np.ndarray], scene: Int[np.ndarray, " pairs"]) -> SceneMetrics:
         """Metrics of at most one batch; the last pair fills up a smaller batch, so that one program serves all."""
         recorded = {
             name: self._gathered(getattr(self._scenes, name), scene)
@@ -90,12 +90,12 @@ class Scorer:
         full = jax.tree.map(lambda leaf: leaf[..., columns], (trajectories, recorded))
         return jax.tree.map(lambda leaf: leaf[..., : len(scene)], self._map(full))
 
-    def _gathered(self, values: np.ndarray, index: np.ndarray) -> np.ndarray:
+    def _gathered(self, values: np.ndarray, index: Int[np.ndarray, " pairs"]) -> np.ndarray:
         """Values of some scenes, the scene axis last."""
         kind = self._dtype if values.dtype.kind == "f" else np.int32
         return np.moveaxis(values[index].astype(kind), 0, -1)
 
-    def _recorded(self, index: np.ndarray) -> dict[str, np.ndarray]:
+    def _recorded(self, index: Int[np.ndarray, " pairs"]) -> dict[str, np.ndarray]:
         names = ("x", "y", "position", "speed", "scaled_speed", "lane", "length", "direction", "track_id")
         arrays = {name: self._gathered(getattr(self._scenes, name), index) for name in names}
         shape = arrays["x"].shape
@@ -104,7 +104,7 @@ class Scorer:
             "width": np.full(shape, VEHICLE_WIDTH, self._dtype),
         }
 
-    def _simulated(self, simulated: Simulated, index: np.ndarray) -> dict[str, np.ndarray]:
+    def _simulated(self, simulated: Simulated, index: Int[np.ndarray, " pairs"]) -> dict[str, np.ndarray]:
         """Fields of simulated traffic: one carriageway along x, one vehicle per slot, all of the same width."""
         frames = simulated.frames
         picked = {

@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float
 
 from rearl_jax.config import EvaluateTask
 from rearl_jax.data.scenes.scene_set import SceneSet
@@ -73,8 +74,12 @@ def frame_table(evaluation: Evaluation, window: int) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def frame_series(row: Scores, window: int) -> dict[str, np.ndarray]:
-    """h, spacing errors and mean spacing of a row, `[n_frames, n_pairs]`; NaN where there is no figure."""
+def frame_series(row: Scores, window: int) -> dict[str, Float[np.ndarray, "frames pairs"]]:
+    """h, spacing errors and mean spacing of a row; NaN where there is no figure.
+
+    Raises:
+        ValueError: The row has no figures per frame.
+    """
     series = row.series
     if series is None:
         raise ValueError(f"row {row.row} has no figures per frame")
@@ -100,7 +105,7 @@ def _keys(evaluation: Evaluation, row: Scores) -> dict[str, Column]:
     }
 
 
-def _masked(values: np.ndarray) -> pd.arrays.FloatingArray:
+def _masked(values: Float[np.ndarray, " rows"]) -> pd.arrays.FloatingArray:
     """float32 with missing instead of NaN."""
     missing = ~np.isfinite(values)
     return pd.arrays.FloatingArray(np.where(missing, 0, values).astype(np.float32), missing)

@@ -27,7 +27,7 @@ _DATE = datetime(1970, 1, 1, tzinfo=UTC)  # fixed, so that the same drivers give
 
 
 def check_openscenario() -> None:
-    """Raises ModuleNotFoundError with the remedy if scenariogeneration is missing."""
+    """Raise ModuleNotFoundError with the remedy if scenariogeneration is missing."""
     if find_spec("scenariogeneration") is None:
         raise ModuleNotFoundError(
             "scenariogeneration is not installed, which to=openscenario needs: install the extra with "

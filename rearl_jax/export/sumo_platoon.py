@@ -28,7 +28,7 @@ LEADER_ID = "leader"
 
 # The leader moves as measured; followers assume that it can brake as hard as they do.
 _LEADER_TYPE = (
-    '<vType id="leader" length="{length:.6g}" maxSpeed="60" accel="20" decel="{decel:.6g}" speedFactor="1"'
+    '<vType id="leader" length="{length:.6g}" maxSpeed="{max_speed:g}" accel="20" decel="{decel:.6g}" speedFactor="1"'
     ' speedDev="0"/>'
 )
 _VEHICLE = (
@@ -42,7 +42,7 @@ _OPTIONS = (
 
 
 def check_sumo() -> None:
-    """Raises ModuleNotFoundError with the remedy if libsumo is missing."""
+    """Raise ModuleNotFoundError with the remedy if libsumo is missing."""
     if find_spec("libsumo") is None:
         raise ModuleNotFoundError(
             "libsumo is not installed, which export.compare needs: install the extra with "
@@ -77,24 +77,24 @@ def simulate_in_sumo(
         folder = Path(name)
         types_file = folder / "types.add.xml"
         types_file.write_text(types, encoding="utf-8")
-        orders = [
-            _order(folder, start, leader_speed[:, number], types_file, of_platoon, number, seed + number)
+        jobs = [
+            _job_of(folder, start, leader_speed[:, number], types_file, of_platoon, number, seed + number)
             for number, of_platoon in enumerate(names)
         ]
-        lengths = _run(folder, orders)
-        tables = [read_fcd(folder / FCD.format(number)) for number in range(len(orders))]
+        lengths = _run(folder, jobs)
+        tables = [read_fcd(folder / FCD.format(number)) for number in range(len(jobs))]
     tracks = [
-        [table.pivot(index="time", columns="id", values=column)[order["ids"]].to_numpy() for column in ("pos", "speed")]
-        for order, table in zip(orders, tables, strict=True)
+        [table.pivot(index="time", columns="id", values=column)[job["ids"]].to_numpy() for column in ("pos", "speed")]
+        for job, table in zip(jobs, tables, strict=True)
     ]
     front, speed = (np.stack(arrays, axis=-1) for arrays in zip(*tracks, strict=True))
     return Motion(front - lengths / 2, speed, lengths)
 
 
-def _order(
+def _job_of(
     folder: Path, start: Start, leader_speed: np.ndarray, types: Path, names: Sequence[str], number: int, seed: int
 ) -> dict[str, Any]:
-    """Order for `sumo_worker` on platoon `number`: ids of vehicles, options of SUMO, speeds of the first vehicle [m/s].
+    """Job for `sumo_worker` on platoon `number`: ids of vehicles, options of SUMO, speeds of the first vehicle [m/s].
 
     Writes SUMO's inputs; `types` is an additional file, `names` are the types of the followers in it.
     """
@@ -108,18 +108,18 @@ def _order(
         for vehicle, kind, position in zip(ids, (LEADER_ID, *names), front, strict=True)
     ]
     decel = np.asarray(start.drivers.car_following.comfortable_deceleration())[0, number]
-    leader = _LEADER_TYPE.format(length=start.length[0, number], decel=decel)
+    leader = _LEADER_TYPE.format(length=start.length[0, number], decel=decel, max_speed=SPEED_LIMIT)
     routes.write_text(f"<routes>{leader}{''.join(vehicles)}</routes>", encoding="utf-8")
     inputs = ["-n", network, "-r", routes, "-a", types, "--fcd-output", fcd, "--seed", seed]
     return {"ids": ids, "options": [*map(str, inputs), *_OPTIONS.split()], "speeds": leader_speed.tolist()}
 
 
-def _run(folder: Path, orders: list[dict[str, Any]]) -> Float[np.ndarray, "vehicles platoons"]:
+def _run(folder: Path, jobs: list[dict[str, Any]]) -> Float[np.ndarray, "vehicles platoons"]:
     """Lengths of the vehicles [m], after SUMO has simulated all platoons."""
-    orders_file, lengths_file = folder / "orders.json", folder / "lengths.json"
-    orders_file.write_text(json.dumps(orders), encoding="utf-8")
+    jobs_file, lengths_file = folder / "jobs.json", folder / "lengths.json"
+    jobs_file.write_text(json.dumps(jobs), encoding="utf-8")
     # Run by its path, because importing the package would bring pyarrow into the process.
-    command = [sys.executable, str(Path(__file__).with_name("sumo_worker.py")), str(orders_file), str(lengths_file)]
+    command = [sys.executable, str(Path(__file__).with_name("sumo_worker.py")), str(jobs_file), str(lengths_file)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise RuntimeError(f"SUMO failed: {done.stderr.strip()[-2000:]}")

@@ -1,4 +1,4 @@
-"""SUMO simulations in a process of their own: `python sumo_worker.py ORDERS.json LENGTHS.json`.
+"""SUMO simulations in a process of their own: `python sumo_worker.py JOBS.json LENGTHS.json`.
 
 libsumo and pyarrow each bring a version of Arrow, so they do not share a process. The first vehicle of each simulation
 is given its speed in every step; SUMO drives all others. Standard library and libsumo only.
@@ -11,21 +11,21 @@ from pathlib import Path
 from typing import Any
 
 
-def main(orders_file: str, lengths_file: str) -> None:
+def main(jobs_file: str, lengths_file: str) -> None:
     """Runs the simulations and writes the lengths of their vehicles [m]; SUMO writes their motion."""
-    orders = json.loads(Path(orders_file).read_text(encoding="utf-8"))
-    lengths = [_simulate(order) for order in orders]
+    jobs = json.loads(Path(jobs_file).read_text(encoding="utf-8"))
+    lengths = [_simulate(job) for job in jobs]
     Path(lengths_file).write_text(json.dumps(lengths), encoding="utf-8")
 
 
-def _simulate(order: dict[str, Any]) -> list[float]:
+def _simulate(job: dict[str, Any]) -> list[float]:
     """Lengths of the vehicles [m].
 
     Raises:
         RuntimeError: SUMO did not put all vehicles on the road.
     """
-    sumo, ids = import_module("libsumo"), order["ids"]
-    sumo.start(["sumo", *order["options"]])
+    sumo, ids = import_module("libsumo"), job["ids"]
+    sumo.start(["sumo", *job["options"]])
     try:
         sumo.simulationStep()  # the vehicles enter
         missing = sorted(set(ids) - set(sumo.vehicle.getIDList()))
@@ -35,7 +35,7 @@ def _simulate(order: dict[str, Any]) -> list[float]:
         sumo.vehicle.setSpeedMode(ids[0], 0)  # obeys without checks of safety
         for vehicle in ids:
             sumo.vehicle.setLaneChangeMode(vehicle, 0)  # no lane changes
-        for speed in order["speeds"][1:]:
+        for speed in job["speeds"][1:]:
             sumo.vehicle.setSpeed(ids[0], speed)
             sumo.simulationStep()
         return lengths

@@ -110,6 +110,9 @@ def window_counts(cumulative: Int[Array, "rows bins *scenarios"], window: int) -
     """Histograms of all windows of `window` frames, oldest first; the first ends at frame window - 1.
 
     60 frames and a window of 5 give the 56 windows of REARL (Bi et al.).
+
+    Raises:
+        ValueError: The window is longer than the scene or has no frame.
     """
     n_frames = cumulative.shape[0] - 1
     if not 1 <= window <= n_frames:

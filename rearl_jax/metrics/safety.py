@@ -18,7 +18,14 @@ class Headways(eqx.Module):
 
 
 class Conflicts(eqx.Module):
-    """Least time to collision [s] and shares of critical leader-follower pairs."""
+    """Least time to collision, and shares of critical leader-follower pairs, pooled over all frames.
+
+    Attributes:
+        ttc_min: Least time to collision [s].
+        ttc_share: Share of the pairs with a short time to collision [-].
+        drac_share: Share of the pairs in which the follower must brake hard to avoid a crash [-].
+        critical_share: Share of the pairs with either [-].
+    """
 
     ttc_min: Measure
     ttc_share: Measure

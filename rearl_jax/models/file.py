@@ -123,7 +123,7 @@ class _Loader(yaml.SafeLoader):
 
 
 class _Reader:
-    """Checks the parts of a model file; errors name the file and the key of the part."""
+    """Checks of the parts of a model file; each raises BadModelError, which names the file and the key of the part."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

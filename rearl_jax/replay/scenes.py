@@ -35,7 +35,7 @@ class ReplayedScene:
     Attributes:
         index: Index of the scene in the `SceneSet`.
         run: Number of the run.
-        frames: The rollout, `[n_steps, n_vehicles]`.
+        frames: The rollout, `[seconds, vehicles]`.
         lengths: Lengths of its vehicles [m].
         h: Hellinger distance of the rollout [-].
         decisions: Decisions about vehicles, with times and actions.

@@ -12,8 +12,10 @@ from tempfile import TemporaryDirectory
 
 import jax
 import numpy as np
+from jaxtyping import Int
 from rich.progress import Progress
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.clustering.search import TRACE
 from rearl_jax.config import EvaluateTask
@@ -120,7 +122,7 @@ def _require_same_data(study: FinishedStudy) -> None:
         )
 
 
-def chosen_scenes(scenes: SceneSet, held_out: np.ndarray, options: ReportConfig) -> np.ndarray:
+def chosen_scenes(scenes: SceneSet, held_out: SceneIndices, options: ReportConfig) -> Int[np.ndarray, " chosen"]:
     """Indices of the scenes that are shown, in ascending order.
 
     By default they are evenly spaced in the order of mean speed, slowest and fastest included, so that the choice is
@@ -140,7 +142,7 @@ def _replayed(
     study: FinishedStudy,
     config: EvaluateTask,
     inputs: Inputs,
-    chosen: np.ndarray,
+    chosen: Int[np.ndarray, " chosen"],
     n_held_out: int,
     run: int,
     bar: Progress,

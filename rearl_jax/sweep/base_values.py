@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pandas as pd
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config import EvaluateTask
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.percentiles import BaseValues, base_values
@@ -20,7 +21,7 @@ def kept_base_values(
     config: EvaluateTask,
     study: Study,
     scenes: SceneSet,
-    subset: np.ndarray,
+    subset: SceneIndices,
     metadata: Mapping[str, str],
     progress: Callable[[int, int], None],
 ) -> BaseValues:

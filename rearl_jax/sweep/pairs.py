@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.evaluation.estimates import grouped_mean
@@ -149,7 +150,7 @@ def scene_means(
     values: Float[np.ndarray, " rollouts"],
     pair: Int[np.ndarray, " rollouts"],
     scene: Int[np.ndarray, " rollouts"],
-    subset: Int[np.ndarray, " scenes"],
+    subset: SceneIndices,
 ) -> Float[np.ndarray, "pairs scenes"]:
     """Mean over runs of every pair and scene; NaN where no run has a value.
 

@@ -9,11 +9,11 @@ import json
 import math
 from dataclasses import asdict, replace
 
-import numpy as np
 import pandas as pd
 from rich.progress import Progress
 
 from rearl_jax import runtime
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config import SweepScaleTask
 from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.data.recordings import is_generated
@@ -100,7 +100,7 @@ def _measured(config: SweepScaleTask, study: Study, bar: Progress, *, generated:
 def list_rollouts(
     config: SweepScaleTask,
     scenes: SceneSet,
-    subset: np.ndarray,
+    subset: SceneIndices,
     references: References | None,
     thresholds: tuple[float, float],
 ) -> Rollouts:

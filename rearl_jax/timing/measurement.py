@@ -119,7 +119,7 @@ class Simulator(Protocol):
 
     @property
     def facts(self) -> Mapping[str, float | int]:
-        """`unit`, the smallest sensible number of scenarios, and figures measured at the start."""
+        """`unit`, the number of scenarios that the program simulates at a time, and figures measured at the start."""
         ...
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:

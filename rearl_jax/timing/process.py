@@ -60,7 +60,7 @@ class ProcessSession:
         self.facts: dict[str, float | int] = self._answer()
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
-        """One measurement.
+        """One measurement of `n_scenarios` scenarios, drawn with `seed`.
 
         Raises:
             RuntimeError: The program ended without an answer.
@@ -101,7 +101,7 @@ class ProcessSession:
 
 def fresh_environment(*, on_cpu: bool = True) -> dict[str, str]:
     """Environment of a process with the import paths of this one, but without the cache of compiled programs, which
-    would hide the compile time.
+    would hide the compile time; `on_cpu` lets JAX see the CPU alone.
     """
     return {
         **os.environ,
@@ -116,7 +116,7 @@ def fresh_environment(*, on_cpu: bool = True) -> dict[str, str]:
 def open_sessions(
     program: str, names: Sequence[str], scene: Mapping[str, Any], label: str, report: Report
 ) -> Iterator[dict[str, Simulator]]:
-    """Variants of a program by name, each compiled in a process of its own."""
+    """Variants of a program by name, each compiled in a process of its own; `scene` holds their other arguments."""
     sessions: dict[str, Simulator] = {}
     with ExitStack() as stack:
         for name in names:

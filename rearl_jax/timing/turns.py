@@ -24,7 +24,7 @@ def reporting(n_steps: int) -> Iterator[Report]:
 
 
 def warm_up(sessions: Mapping[str, Simulator], seed: int, label: str, report: Report) -> dict[str, Measurement]:
-    """A first measurement of each program, with its smallest sensible number of scenarios."""
+    """A first measurement of each program, with as many scenarios as it simulates at a time."""
     first = {}
     for name, session in sessions.items():
         report(f"{label}: {name}, warming up", 0)

@@ -72,7 +72,8 @@ def compare(reference: Tracks, other: Tracks) -> Comparison:
 def first_disagreement(
     comparison: Comparison, *, tolerance: float, only_before_contact: bool
 ) -> tuple[Bool[np.ndarray, " scenarios"], Int[np.ndarray, " scenarios"]]:
-    """Mask of the scenes that disagree in a position, target lane, lane change or crash flag, and the first such tick.
+    """Mask of the scenes that disagree in a position, target lane, lane change or crash flag, and the first such tick,
+    0 where there is none.
 
     Args:
         comparison: Comparison of the two runs.
@@ -89,7 +90,7 @@ def first_disagreement(
 
 
 def aborts(tracks: Tracks, is_meta: Bool[np.ndarray, "vehicles scenarios"]) -> Int[np.ndarray, " scenarios"]:
-    """Lane changes aborted in each scene.
+    """Lane changes aborted in each scene by IDM vehicles; `is_meta` marks vehicles that meta-actions control.
 
     While a change is in progress (the lane is not the target lane) nothing but the abort rule touches the target lane
     of an IDM vehicle. Source: highway-env 1.12.1, `IDMVehicle.change_lane_policy`.

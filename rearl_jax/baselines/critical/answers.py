@@ -38,7 +38,7 @@ def read_mixture(text: str) -> Mixture:
     Raises:
         BadAnswerError: The text contains no mixture.
 
-    Source: CRITICAL, main.py, for the braces.
+    Source: CRITICAL, main.py: the text between the braces.
     """
     answer = without_reasoning(text)
     if answer is None:

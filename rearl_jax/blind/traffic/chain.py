@@ -4,7 +4,7 @@ import numpy as np
 from scipy.ndimage import convolve1d
 from scipy.signal import lfilter, savgol_filter
 
-from rearl_jax.blind.traffic.measurement import PAD, Frames, across
+from rearl_jax.blind.traffic.measurement import Frames, across, frame_times
 from rearl_jax.blind.traffic.scenario import Chain, Scenario
 from rearl_jax.blind.traffic.simulation import Events
 
@@ -15,9 +15,7 @@ def release(scenario: Scenario, chain: Chain, events: Events) -> Frames:
     """
     rng = np.random.default_rng([scenario.seed, 6])
     rate = scenario.frame_rate
-    pad, n_frames = round(PAD * rate), round(scenario.duration * rate) + 1
-    time = np.arange(-pad, n_frames + pad) / rate
-    recorded = slice(pad, pad + n_frames)
+    time, recorded = frame_times(scenario)
     steps = np.searchsorted(events.time, time - 1e-6)
     shape = events.position[steps].shape
     position = events.position[steps] + scenario.position_noise * correlated(shape, scenario.noise_time, rate, rng)

@@ -38,7 +38,7 @@ ARTEFACTS = (
 
 @dataclass(frozen=True)
 class Frames:
-    """Measured columns, arrays [n_frames, n]; `seen` marks vehicles in the view of the camera."""
+    """Measured columns, arrays `[frames, vehicles]`; `seen` marks vehicles in the view of the camera."""
 
     position: np.ndarray
     lateral: np.ndarray
@@ -48,13 +48,18 @@ class Frames:
     seen: np.ndarray
 
 
+def frame_times(scenario: Scenario) -> tuple[np.ndarray, slice]:
+    """Times of all measured frames [s], from PAD before the recording to PAD after it, and which of them it has."""
+    pad, n_frames = round(PAD * scenario.frame_rate), round(scenario.duration * scenario.frame_rate) + 1
+    return np.arange(-pad, n_frames + pad) / scenario.frame_rate, slice(pad, pad + n_frames)
+
+
 def measure(scenario: Scenario, events: Events) -> Frames:
     """The columns as a data provider releases them."""
     fault = {item.name: item.strength for item in scenario.planted if item.name in ARTEFACTS}
     rng = np.random.default_rng([scenario.seed, 6])
     rate = scenario.frame_rate
-    pad, n_frames = round(PAD * rate), round(scenario.duration * rate) + 1
-    time = (np.arange(-pad, n_frames + pad)) / rate
+    time, recorded = frame_times(scenario)
     position = _sampled(events, time, _clock_offsets(events, fault, rng))
     true_position = position
     position = position + _lens(position, fault, events)
@@ -70,11 +75,11 @@ def measure(scenario: Scenario, events: Events) -> Frames:
     position = position * (1.0 + 0.05 * fault.get("position_scale", 0.0))
 
     def released(column: np.ndarray, late_by: float = 0.0) -> np.ndarray:
-        first = pad - round(late_by * rate)
-        return column[first : first + n_frames]
+        frames_late = round(late_by * rate)
+        return column[recorded.start - frames_late : recorded.stop - frames_late]
 
     road_start, road_length = seen_road(scenario, events)
-    lane, lateral = across(events, time[pad : pad + n_frames], CHANGE_TIME, 0.0, rng)
+    lane, lateral = across(events, time[recorded], CHANGE_TIME, 0.0, rng)
     delay = {name: 0.5 * fault.get(name, 0.0) for name in ("position_lag", "speed_lag")}
     return Frames(
         released(position, delay["position_lag"]) - road_start,

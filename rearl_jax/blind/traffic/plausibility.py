@@ -56,7 +56,7 @@ def fault_of(scenario: Scenario, events: Events) -> str | None:
 
 
 def _gaps(events: Events, steps: np.ndarray) -> np.ndarray:
-    """Gap to the vehicle ahead on the lane [m] at the given time steps, [n_steps, n]; infinite if there is none."""
+    """Gap to the vehicle ahead on the lane [m] at the given time steps, `[steps, vehicles]`; inf if there is none."""
     gaps = np.full((len(steps), events.position.shape[1]), np.inf)
     for row, step in enumerate(steps):
         position, lane = events.position[step], events.lane[step]

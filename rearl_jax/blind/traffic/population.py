@@ -5,8 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm, t
 
-# Median and standard deviation of the logarithm over drivers. Source: values and spreads as in calibrations on
-# motorway trajectories (Kesting & Treiber, Transp. Res. Rec. 2088 (2008) 148).
 CARS = {
     "desired_speed": (32.0, 0.12),
     "time_gap": (1.25, 0.30),
@@ -14,8 +12,18 @@ CARS = {
     "max_accel": (1.4, 0.30),
     "comfort_decel": (2.0, 0.35),
 }
+"""Median over cars in SI units, and standard deviation of the logarithm [-].
+
+Source: values and spreads as in calibrations on motorway trajectories (Kesting & Treiber, Transp. Res. Rec. 2088 (2008)
+148).
+"""
+
 TRUCKS = CARS | {"desired_speed": (25.0, 0.06), "time_gap": (1.6, 0.25), "max_accel": (0.9, 0.20)}
+"""The same for trucks."""
+
 TRUCK_SHARE = 0.15
+"""Share of trucks among the drivers [-]."""
+
 BOUNDS = {
     "desired_speed": (18.0, 50.0),
     "time_gap": (0.5, 3.0),
@@ -23,6 +31,7 @@ BOUNDS = {
     "max_accel": (0.5, 3.0),
     "comfort_decel": (0.8, 5.0),
 }
+"""Lowest and highest value of a driver's parameters, in SI units."""
 
 
 @dataclass(frozen=True)

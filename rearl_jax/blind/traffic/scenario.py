@@ -105,7 +105,7 @@ class Scenario:
     chain: Chain | None = None
 
     def __post_init__(self) -> None:
-        """Raises InvalidInputError for a scenario that cannot be simulated."""
+        """Raise InvalidInputError for a scenario that cannot be simulated."""
         if self.n_vehicles % self.n_lanes or self.n_vehicles < 2 * self.n_lanes:
             raise out_of_range("n_vehicles", f"must be a multiple of {self.n_lanes} lanes", self.n_vehicles)
         steps_per_frame = round(1.0 / (self.frame_rate * SUB_STEP))

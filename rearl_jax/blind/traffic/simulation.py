@@ -38,14 +38,14 @@ MARGIN = 60.0
 
 @dataclass(frozen=True)
 class Events:
-    """True motion of all vehicles: arrays [n_steps, n], where n_steps counts sub-steps and n vehicles.
+    """True motion of all vehicles: arrays `[sub-steps, vehicles]`.
 
     Attributes:
-        time: Time of each sub-step from the start of the recording [s], [n_steps]; negative in the warm-up.
+        time: Time of each sub-step from the start of the recording [s], negative in the warm-up.
         position, speed, acceleration, wander: Position [m], speed [m/s], acceleration [m/s^2], lateral offset from the
             centre of the lane [m].
         lane: Lane, 0 = leftmost.
-        leader: Index of the vehicle ahead; n if there is none.
+        leader: Index of the vehicle ahead; the number of vehicles if there is none.
         fleet: The vehicles.
         effects: Hidden effects.
         section: Part of the road that most vehicles reach and leave [m].
@@ -108,7 +108,7 @@ def _drive(
     wander: np.ndarray,
     changes: ForcedChanges | FreeChanges,
 ) -> tuple[dict[str, np.ndarray], int, float]:
-    """Motion in every sub-step, [n_steps, n], and `n_emergencies` and `effect_size` as in `Events`."""
+    """Motion in every sub-step, `[sub-steps, vehicles]`, and `n_emergencies` and `effect_size` as in `Events`."""
     n_steps, n, platoon_leaders = len(noise), now.n, np.flatnonzero(now.fleet.rank == 0)
     log = {name: np.empty((n_steps, now.n)) for name in ("position", "speed", "acceleration")}
     log |= {"lane": np.empty((n_steps, now.n), dtype=np.int8), "leader": np.empty((n_steps, now.n), dtype=np.int32)}
@@ -139,7 +139,7 @@ def _drive(
 def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Initial positions [m] and speeds [m/s], and the distances that platoon leaders have travelled at every sub-step.
 
-    Every driver starts near the desired gap. The distances [m] are an array [n_platoon_leaders, n_steps], like
+    Every driver starts near the desired gap. The distances [m] are an array `[platoon leaders, sub-steps]`, like
     `profiles`, the speeds of the platoon leaders [m/s].
     """
     per_lane = scenario.n_vehicles // scenario.n_lanes
@@ -172,7 +172,7 @@ def common_section(
 
 
 def _ornstein_uhlenbeck(n_steps: int, n: int, correlation_time: float, rng: np.random.Generator) -> np.ndarray:
-    """Ornstein-Uhlenbeck processes of unit variance and a correlation time [s], [n_steps, n]."""
+    """Ornstein-Uhlenbeck processes of unit variance and a correlation time [s], `[sub-steps, vehicles]`."""
     decay = np.exp(-SUB_STEP / correlation_time)
     drawn = np.sqrt(1.0 - decay**2) * rng.standard_normal((n_steps, n))
     drawn[0] = rng.standard_normal(n)

@@ -21,7 +21,7 @@ from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.car_following.model import SMALLEST_GAP, CarFollowing
 
 LEAST_FREE = 1e-3
-"""Free-road acceleration [m/s^2] below which the exponent 2 a / f is that of this acceleration; f may be 0."""
+"""Lower bound of f in the exponent 2 a / f [m/s^2], because f may be 0."""
 
 
 class ImprovedIDM(IDM):

@@ -6,7 +6,6 @@ threshold.
 
 from typing import ClassVar
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -14,6 +13,7 @@ from rearl_jax.core.effects.anticipation import PASSING_SPEED
 from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.side_lane import SideLane
 from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.core.effects.time_gaps import PRESSING_TIME_GAP, pressure_from_behind
 
 
 class KeepRight(Effect):
@@ -86,25 +86,14 @@ class MovingOver(Effect):
     source: ClassVar[str] = "form of this project, as in the effect rear_pressure on the time gap"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gain", "m/s^2", "gain of giving way under pressure", off=0.0, low=-1.0, high=3.0, scale=0.5),
-        Parameter(
-            "pressing_time_gap",
-            "s",
-            "follower's time gap z0 below which it presses",
-            off=1.0,
-            low=0.3,
-            high=2.5,
-            scale=0.3,
-            is_strength=False,
-        ),
+        PRESSING_TIME_GAP,
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
         """Gain, larger to the right under pressure."""
         if side.direction < 0:
             return value
-        behind = jnp.maximum(seen.follower_gap, 0.5) / (jnp.maximum(seen.follower_speed, 0.0) + 2.0)
-        pressure = jax.nn.sigmoid((self.pressing_time_gap - behind) / 0.25)
-        return value + self.gain * seen.has_follower * pressure
+        return value + self.gain * seen.has_follower * pressure_from_behind(seen, self.pressing_time_gap)
 
 
 class TruckAversion(Effect):

@@ -155,6 +155,35 @@ class Relaxation(Effect):
         return jnp.exp(-seen.time_since_change / self.relaxation_time)
 
 
+PRESSING_TIME_GAP = Parameter(
+    "pressing_time_gap",
+    "s",
+    "follower's time gap z0 below which it presses",
+    off=1.0,
+    low=0.3,
+    high=2.5,
+    scale=0.3,
+    is_strength=False,
+)
+"""Parameter of effects of a close follower."""
+
+
+def pressure_from_behind(seen: Stimulus, pressing_time_gap: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+    """Pressure of the follower [-], from 0 to 1, by its time gap z: 1 / (1 + exp((z - z0) / 0.25 s)).
+
+    z = max(gap, 0.5 m) / (speed + 2 m/s) stays finite when the follower stands or touches. Without a follower the value
+    has no meaning.
+
+    Args:
+        seen: Present stimulus of each driver.
+        pressing_time_gap: The time gap z0 [s].
+
+    Source: form of this project.
+    """
+    time_gap = jnp.maximum(seen.follower_gap, 0.5) / (jnp.maximum(seen.follower_speed, 0.0) + 2.0)
+    return jax.nn.sigmoid((pressing_time_gap - time_gap) / 0.25)
+
+
 class RearPressure(Effect):
     """A close follower makes the driver follow more closely."""
 
@@ -167,23 +196,12 @@ class RearPressure(Effect):
     source: ClassVar[str] = "after Herman, Montroll, Potts & Rothery, Oper. Res. 7 (1959) 86 (look-behind term)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gain", "-", "fall of log T under pressure", off=0.0, low=0.0, high=2.5, scale=0.5),
-        Parameter(
-            "pressing_time_gap",
-            "s",
-            "follower's time gap z0 below which it presses",
-            off=1.0,
-            low=0.3,
-            high=2.5,
-            scale=0.3,
-            is_strength=False,
-        ),
+        PRESSING_TIME_GAP,
     )
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
         """Time gap, shorter under pressure."""
-        follower_time_gap = jnp.maximum(seen.follower_gap, 0.5) / (jnp.maximum(seen.follower_speed, 0.0) + 2.0)
-        pressure = jax.nn.sigmoid((self.pressing_time_gap - follower_time_gap) / 0.25)
-        return value * jnp.exp(-self.gain * seen.has_follower * pressure)
+        return value * jnp.exp(-self.gain * seen.has_follower * pressure_from_behind(seen, self.pressing_time_gap))
 
 
 class LeaderClass(Effect):

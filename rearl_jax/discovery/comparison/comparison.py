@@ -37,7 +37,7 @@ class Comparison:
     Attributes:
         priors: Priors of the models; the model of the key `driver` is first.
         found: Predictions of each model.
-        gains: Log-likelihood of each checked driver under each model minus that under the first model, see `gains_of`.
+        gains: Log-likelihood of each checked driver under each model minus that under the first [nats], see `gains_of`.
         choice: The choice of a model.
         n_fitted: Number of drivers that the models were calibrated to.
         base: The calibrated model of the key `driver`; None if another model was chosen, or if it was calibrated to a

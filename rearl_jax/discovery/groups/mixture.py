@@ -169,7 +169,9 @@ def spread_of_all(likelihoods: DriverLikelihoods) -> Float[np.ndarray, "paramete
 def _posterior(
     likelihoods: DriverLikelihoods, mean: np.ndarray, covariance: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Posterior mean and covariance of each driver's parameters in a population, and its log-likelihood there."""
+    """Posterior mean and covariance of each driver's parameters in a population, and log-likelihood of the driver there
+    [nats].
+    """
     precision = np.linalg.inv(covariance)
     posterior_precision = likelihoods.information + precision
     error = np.linalg.inv(posterior_precision)

@@ -54,8 +54,14 @@ class Trial:
 
 
 class CandidateColumns:
-    """All opportunities with the columns of the candidates, in three parts that share no driver: `part` is that of each
-    row, `seed` the seed of resamples, `of_form` the column of each form of the candidates.
+    """All opportunities with the columns of the candidates, in three parts that share no driver.
+
+    Attributes:
+        part: Part of each opportunity: 0, 1 or 2.
+        seed: Seed of the resamples of drivers.
+        of_form: Column of each form of the candidates.
+        data: Choices of the drivers, with their own gains and the columns of circumstances.
+        bends: Knots of the model in the driver's own gain [m/s^2].
     """
 
     def __init__(self, table: Opportunities, part: Int[np.ndarray, " rows"], seed: int) -> None:
@@ -101,7 +107,7 @@ class CandidateColumns:
             value[rows] = self.fitted(effects, fitted).log_likelihood(self.data.take(rows), effects[rows])
         return value
 
-    def resampled(self, values: Float[np.ndarray, " rows"], *parts: int) -> Float[np.ndarray, " resamples"]:
+    def resampled(self, values: Float[np.ndarray, " rows"], *parts: int) -> Float[np.ndarray, " draws"]:
         """Sums of the values over all opportunities of the drivers in each resample of the given parts' drivers."""
         rows = self.rows(*parts)
         sums = np.bincount(np.unique(self.data.driver[rows], return_inverse=True)[1], values[rows])

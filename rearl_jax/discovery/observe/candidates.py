@@ -73,7 +73,7 @@ RANGES = {
     "vehicles_beside": (0.0, 4.0),
     "speed_beside": (-10.0, 15.0),
 }
-"""Outer knots of curves over variables with a known range; for other variables the range in the data is used."""
+"""Outer knots of curves over variables with a known range, in their units; for others the range in the data is used."""
 
 
 @dataclass(frozen=True)

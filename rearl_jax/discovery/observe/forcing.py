@@ -93,8 +93,8 @@ def acceleration_derivatives(residuals: Residuals) -> AccelerationDerivatives:
     return AccelerationDerivatives(np.asarray(x, float), np.asarray(v, float), np.asarray(own, float))
 
 
-def _driver_rows(state: FitState) -> tuple[np.ndarray, np.ndarray]:
-    """Standardised parameters of the drivers, `[own, pieces]`, and whether they drive trucks."""
+def _driver_rows(state: FitState) -> tuple[Float[np.ndarray, "own pieces"], Float[np.ndarray, " pieces"]]:
+    """Standardised parameters of the drivers, and 1 for truck drivers, else 0."""
     return state.z[state.data.driver].T, state.data.is_truck.astype(float)
 
 

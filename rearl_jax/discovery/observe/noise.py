@@ -31,7 +31,7 @@ TIMES = (0.6, 1.5, 4.0)
 (highD, about 1.4 s).
 """
 
-USUAL = Noise(0.15, 1.5, 0.1)
+USUAL = Noise(acceleration=0.15, time=1.5, position=0.1)
 """Noise from which the estimation begins."""
 
 MOST_GROWTH = 3.0

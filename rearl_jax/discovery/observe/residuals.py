@@ -61,7 +61,7 @@ class Residuals:
     surroundings: Surroundings
 
     def stimulus(self) -> Stimulus:
-        """Stimuli of the drivers halfway, `[n_steps, n_pieces]`."""
+        """Stimuli of the drivers halfway, `[steps, pieces]`."""
         data = self.state.data
         return stimulus(self.x, self.v, data.length, data.is_truck.astype(float), self.surroundings)
 

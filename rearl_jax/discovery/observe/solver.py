@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from rearl_jax.discovery.observe.clocks import following
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
@@ -77,8 +77,10 @@ class Solver:
         n_nuisance = self.layout.prior.size + len(free)
         return [sums | {"nuisance": sums["nuisance"][:, :n_nuisance]} for sums in found]
 
-    def innovations(self, states: Sequence[FitState], gain: Gain | None = None) -> list[np.ndarray]:
-        """Measured minus predicted positions [m] of each state, `[n_steps, n_pieces]`; with another gain if given."""
+    def innovations(
+        self, states: Sequence[FitState], gain: Gain | None = None
+    ) -> list[Float[np.ndarray, "steps pieces"]]:
+        """Measured minus predicted positions [m] of each state; with another gain if given."""
         pieces = [state.pieces if gain is None else replace_gain(state.pieces, gain) for state in states]
         result = self.programs.innovations(states[0].active)(pieces, _own(states))
         return [result[..., columns] for columns in _columns(states)]
@@ -140,8 +142,8 @@ def _columns(states: Sequence[FitState]) -> list[slice]:
     return [slice(end - len(state.data.driver), end) for state, end in zip(states, ends, strict=True)]
 
 
-def _added(values: np.ndarray, data: Measured) -> np.ndarray:
-    """Values of pieces (last axis) summed over each driver (first axis)."""
+def _added(values: Float[np.ndarray, "*shape pieces"], data: Measured) -> Float[np.ndarray, "drivers *shape"]:
+    """Values of pieces summed over each driver."""
     moved = np.moveaxis(np.asarray(values), -1, 0)
     total = np.zeros((data.n_drivers, *moved.shape[1:]))
     np.add.at(total, data.driver, moved)

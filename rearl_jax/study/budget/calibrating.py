@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config import DiscoverTask
 from rearl_jax.config.budget import StudyBudgetTask
 from rearl_jax.data.checks.losses import split_tracks
@@ -39,7 +40,7 @@ class Drivers:
     origin: str
 
 
-def calibrated_drivers(config: StudyBudgetTask, study: Study, scenes: SceneSet, held_out: np.ndarray) -> Drivers:
+def calibrated_drivers(config: StudyBudgetTask, study: Study, scenes: SceneSet, held_out: SceneIndices) -> Drivers:
     """The drivers of the key `model`; without it drivers calibrated for this study, or read from its folder.
 
     Args:
@@ -78,7 +79,7 @@ def _origin_of_model(config: StudyBudgetTask, model: RepairedModel) -> str:
     return f"{origin}, which are not the recordings of the scored scenes as they are read here"
 
 
-def _calibrated(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarray) -> tuple[Calibration, str]:
+def _calibrated(config: StudyBudgetTask, scenes: SceneSet, held_out: SceneIndices) -> tuple[Calibration, str]:
     """A calibration, and a sentence on the recordings behind it."""
     task = DiscoverTask(study=config.study, results=config.results, data=config.data, discover=config.discover)
     recordings = labelled_recordings(config.data, config.discover)
@@ -99,7 +100,7 @@ def _calibrated(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarray)
     return result, origin
 
 
-def without_scenes(recordings: Iterable[Recording], scenes: SceneSet, held_out: np.ndarray) -> Iterator[Recording]:
+def without_scenes(recordings: Iterable[Recording], scenes: SceneSet, held_out: SceneIndices) -> Iterator[Recording]:
     """The recordings without the seconds of the scenes with these indices; tracks are split there, recordings without
     rows are left out.
     """

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config.budget import REARL, START, StudyBudgetTask
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import Document, Section
@@ -222,7 +223,7 @@ def _inline(record: Mapping[str, Any], error: str, sign: str = "+") -> str:
     return _cell(record, error, sign).inline
 
 
-def definitions_of(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarray) -> tuple[str, ...]:
+def definitions_of(config: StudyBudgetTask, scenes: SceneSet, held_out: SceneIndices) -> tuple[str, ...]:
     """Definitions of rows, starts, intervals and the vehicles of short scenes."""
     picked = scenes.track_id[held_out]  # [scenes, seconds, vehicles]
     # For each vehicle of the first snapshot, the seconds in which it is picked.

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from rich.progress import Progress
 
+from rearl_jax._typing import SceneIndices
 from rearl_jax.config.budget import BOUNDARY, CALIBRATED, REARL, START, StudyBudgetTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import Method
@@ -48,7 +49,7 @@ class Setting:
 
     config: StudyBudgetTask
     inputs: Inputs
-    held_out: np.ndarray
+    held_out: SceneIndices
     components: tuple[str, ...]
     model: RepairedModel | None = None
     thresholds: tuple[float, float] = NEVER_EXCEEDED

@@ -112,7 +112,7 @@ def prepared(config: StudyBudgetTask, study: Study, bar: Progress) -> tuple[Sett
 
 
 def present(components: tuple[str, ...], absent: Mapping[str, str]) -> tuple[str, ...]:
-    """Components that are not absent and whose needed component is not."""
+    """Components that are not absent and whose needed component is not; InvalidInputError if there are none."""
     kept = tuple(name for name in components if name not in absent)
     kept = tuple(name for name in kept if NEEDS.get(name) is None or NEEDS[name] in kept)
     if not kept:

@@ -22,11 +22,16 @@ VERDICTS = ("named", "improved", "unexplained", "artefact", "nothing")
 
 
 def summary_of(table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFrame) -> dict[str, Any]:
-    """Flat figures: `n_sets`, `n_groups`, `n_worse` (groups with a protocol in which the repaired model is worse), the
-    number of groups by verdict `n_named` ...; the score `n_known`, `n_within`, `n_within_model_free`, `n_cars`,
-    `n_shorter` (cars whose time gap is shorter in S than in L); `leader_difference` with `_low` and `_high` (time gap
-    behind ACC minus that behind a person, for the same drivers), `leader_cars`, and `is_leader_equal`. None for values
-    that were not computed.
+    """Figures of summary.json; None for values that were not computed.
+
+    - `n_sets`, `n_groups`, `n_worse`: sets, groups of drivers, groups with a protocol in which the repaired model is
+      worse; `n_named` and so on: groups with each of VERDICTS.
+    - `n_known`: known time gaps; `n_within`, `n_within_model_free`: those met within TOLERANCE by calibrated drivers,
+      and by the time gaps measured without a model.
+    - `n_cars`, `n_shorter`: cars that drove in the settings S (short) and L (long) of their adaptive cruise control,
+      and those whose time gap is shorter in S.
+    - `leader_difference`, with `_low` and `_high`: time gap behind ACC minus that behind a person, for the same drivers
+      [s]; `leader_cars`: number of these drivers; `is_leader_equal`: whether the interval contains 0.
     """
     counts = Counter(table["verdict"].tolist())
     known = facts.dropna(subset=["known"])

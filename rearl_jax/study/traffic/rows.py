@@ -1,7 +1,7 @@
 """Rows of `table1.traffic`: four kinds of traffic, each without REARL and with it under every policy.
 
 The traffic is made of components of the error budget, with its scenes, starts, drivers and thresholds; all rows of a
-kind begin alike and have the same random numbers. Finished rows are not simulated again.
+kind have the same initial states and the same random numbers. Finished rows are not simulated again.
 """
 
 from collections.abc import Iterator, Mapping
