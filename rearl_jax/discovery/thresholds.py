@@ -239,6 +239,11 @@ class Thresholds:
     thirds of 46 with a factor of 1.
     """
 
+    vehicle_lag: float = 0.3
+    """Lag that pedals, engine and brakes may cause [s]: a delay that is not longer is not claimed as a reaction time.
+    Drivers need at least twice as long (Green, Transp. Human Factors 2 (2000) 195: 0.7 s when they expect to brake).
+    """
+
     least_delay: float = 2.0
     """Shortest reaction delay that is claimed [time steps], because a decision that is carried out one time step later
     looks like a delay.

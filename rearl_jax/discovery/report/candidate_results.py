@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from rearl_jax.discovery.observe.candidates import Term
-from rearl_jax.discovery.search.decision import Trial, copies_leader, is_everywhere, is_of_numerics
+from rearl_jax.discovery.search.decision import Trial, copies_leader, is_everywhere, is_too_short
 from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -12,7 +12,7 @@ RESULTS: Mapping[str, str] = {
     "not_distinguished": "explains the data as well as the added one",
     "predicts_no_better": "left out: other drivers are not predicted significantly better",
     "contradicted": "simulations of other drivers contradict it",
-    "of_numerics": "a delay within the time resolution",
+    "too_short": "a delay as short as the lag of vehicles, or within the time resolution",
     "copies_leader": "repeats the leader's acceleration at once: both positions may share an error",
     "everywhere": "a section without an end in the data: a property of the drivers",
     "worse_on_others": "other drivers are predicted worse",
@@ -42,8 +42,8 @@ def result_of(search: Search, term: Term) -> str:
 
 
 def _failed_test(trial: Trial, *, is_exceeding: bool) -> str:
-    if is_of_numerics(trial):
-        return "of_numerics"
+    if is_too_short(trial):
+        return "too_short"
     if copies_leader(trial):
         return "copies_leader"
     if is_everywhere(trial):

@@ -123,15 +123,18 @@ def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Tr
     ]
 
 
-def is_of_numerics(trial: Trial) -> bool:
-    """True if the trial is a reaction delay shorter than `least_delay` or than the kernel that smoothed the positions.
+def is_too_short(trial: Trial) -> bool:
+    """True if the trial is a delay that need not be a reaction time: shorter than the lag of vehicles, than
+    `least_delay`, or than the kernel that smoothed the positions.
 
-    A driver without a delay whose decision is carried out one time step later responds just as late.
+    A driver without a delay responds just as late if the vehicle takes time to carry out the acceleration, or if the
+    decision is carried out one time step later.
     """
     if trial.candidate.term != Term("reaction_delay"):
         return False
     data, delays = trial.fit.state.data, trial.fit.state.theta[list(trial.candidate.free)]
-    return bool(np.abs(delays).max() < max(THRESHOLDS.least_delay * data.dt, data.kernel.deviation))
+    least = max(THRESHOLDS.vehicle_lag, THRESHOLDS.least_delay * data.dt, data.kernel.deviation)
+    return bool(np.abs(delays).max() < least)
 
 
 def copies_leader(trial: Trial) -> bool:
@@ -148,11 +151,11 @@ def copies_leader(trial: Trial) -> bool:
 
 
 def imitating(trials: list[Trial]) -> set[Term]:
-    """Candidates that a response which no driver has explains better: a delay within the time resolution, which fast
+    """Candidates that a response which is none of drivers explains better: a delay that is too short, which fast
     responses imitate, or a copy of the leader's acceleration. A free curve over the leader's acceleration imitates the
     copy unless it is clearly better.
     """
-    impossible = [trial for trial in trials if (is_of_numerics(trial) or copies_leader(trial)) and trial.holds]
+    impossible = [trial for trial in trials if (is_too_short(trial) or copies_leader(trial)) and trial.holds]
 
     def is_imitation(trial: Trial, other: Trial) -> bool:
         if not confounded(trial.candidate.term, other.candidate.term):

@@ -11,7 +11,7 @@ from rearl_jax.discovery.observe.candidates import EARLY_LEADER, NAMED_KINDS, La
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.clock_check import ClockCheck
-from rearl_jax.discovery.search.decision import Trial, copies_leader, indistinguishable, is_everywhere, is_of_numerics
+from rearl_jax.discovery.search.decision import Trial, copies_leader, indistinguishable, is_everywhere, is_too_short
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.screen import Score
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -72,10 +72,10 @@ class Round:
 
 
 def may_explain(trial: Trial) -> bool:
-    """True unless the trial is a delay within the time resolution, a copy of the leader's acceleration, or a section
-    with no end in the data: these fit well for reasons that have nothing to do with drivers or roads.
+    """True unless the trial is a delay too short for a reaction, a copy of the leader's acceleration, or a section with
+    no end in the data: these fit well for reasons that have nothing to do with drivers or roads.
     """
-    return not (is_of_numerics(trial) or copies_leader(trial) or is_everywhere(trial))
+    return not (is_too_short(trial) or copies_leader(trial) or is_everywhere(trial))
 
 
 def is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:

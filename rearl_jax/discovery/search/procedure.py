@@ -17,7 +17,7 @@ from rearl_jax.discovery.search.decision import (
     Trial,
     believed,
     imitating,
-    is_of_numerics,
+    is_too_short,
     lane_change_trials,
     trial_of,
 )
@@ -259,7 +259,7 @@ def _checked(solver: Solver, screened: Round, fits: Mapping[Term, Fit], null: Nu
     accepted, contradicted = simulated(solver, other_base, accepted)
     simulated_trials = {trial.candidate.term: trial for trial in (*accepted, *contradicted)}
     trials = [simulated_trials.get(trial.candidate.term, trial) for trial in trials]
-    otherwise_explained = [*(trial.candidate.term for trial in trials if is_of_numerics(trial)), *imitations]
+    otherwise_explained = [*(trial.candidate.term for trial in trials if is_too_short(trial)), *imitations]
     z_score = screened.z_score | dict.fromkeys(otherwise_explained, 0.0)
     return replace(screened, z_score=z_score, trials=trials, accepted=accepted, contradicted=contradicted)
 

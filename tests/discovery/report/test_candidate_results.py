@@ -82,11 +82,11 @@ def test_the_test_that_a_fitted_candidate_failed(found, gain, check, exceeding, 
     assert result_of(searched, GRADE) == said
 
 
-def test_a_delay_within_the_time_step_is_of_the_numerics(found):
+def test_a_delay_within_the_lag_of_vehicles_is_too_short(found):
     searched, trial = with_trial(found, DELAY, 30.0, 30.0)
     assert result_of(searched, DELAY) == "surpassed"
     first = replace(searched.rounds[0], trials=[fitted_at(trial, 0.01)])
-    assert result_of(replace(searched, rounds=[first]), DELAY) == "of_numerics"
+    assert result_of(replace(searched, rounds=[first]), DELAY) == "too_short"
 
 
 @pytest.mark.parametrize(("share", "said"), [(0.9, "surpassed"), (1.1, "everywhere")])

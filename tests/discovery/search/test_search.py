@@ -170,19 +170,19 @@ def test_what_is_beaten_by_something_not_believed_is_doubtful(trial, solver, cal
     assert search_of(solver, calibrated, turn).is_doubtful(holds) == doubtful
 
 
-@pytest.mark.parametrize(("steps", "counts"), [(0.5, False), (-0.5, False), (3.0, True)])
-def test_a_delay_of_less_than_a_time_step_is_of_the_numerics(trial, calibrated, steps, counts):
+@pytest.mark.parametrize(("seconds", "counts"), [(0.05, False), (-0.05, False), (0.28, False), (0.32, True)])
+def test_a_delay_as_short_as_the_lag_of_vehicles_is_no_reaction_time(trial, calibrated, seconds, counts):
     holds, delay = trial("holds", [0.6] * 10, [1.3] * 10), trial("reaction_delay", [0.1] * 10, [2.5] * 10)
-    delay = fitted_at(delay, steps * calibrated[0].data.dt)
+    delay = fitted_at(delay, seconds)
     turn = round_of(calibrated, [holds, delay], [holds], exceeding=["holds", "reaction_delay"])
     assert turn.is_beaten == counts
     assert (delay in turn.possible) == counts  # otherwise it would take all confidence from what was found
 
 
-@pytest.mark.parametrize(("steps", "gain", "imitates"), [(1.0, 2.5, True), (3.0, 2.5, False), (1.0, 0.7, False)])
-def test_a_fast_response_that_a_short_delay_explains_better_is_no_effect(trial, calibrated, steps, gain, imitates):
+@pytest.mark.parametrize(("seconds", "gain", "imitates"), [(0.1, 2.5, True), (0.4, 2.5, False), (0.1, 0.7, False)])
+def test_a_fast_response_that_a_short_delay_explains_better_is_no_effect(trial, calibrated, seconds, gain, imitates):
     fast, slow = (trial(name, [0.6] * 10, [1.3] * 10) for name in ("leader_acceleration", "resignation"))
-    delay = fitted_at(trial("reaction_delay", [2.5] * 10, [gain] * 10), steps * calibrated[0].data.dt)
+    delay = fitted_at(trial("reaction_delay", [2.5] * 10, [gain] * 10), seconds)
     if gain < 1:
         delay = replace(delay, fitted=np.full(10, 0.4))
     assert decision.imitating([fast, slow, delay]) == ({Term("leader_acceleration")} if imitates else set())
