@@ -14,7 +14,7 @@ from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
 from rearl_jax.discovery.observe.noise import NOISELESS, calibrate
 from rearl_jax.discovery.observe.solver import solver_of
-from rearl_jax.discovery.read.gate import Finding, gate, smoothed_positions
+from rearl_jax.discovery.read.gate import Finding, gate, smoothed_release
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.reading import EXACT_NOISE, measure, nobody_follows, one_frame_rate
 from rearl_jax.discovery.read.smoothing import thinned
@@ -68,8 +68,9 @@ def measured_drivers(
     rate = one_frame_rate(recordings)
     tables = [thinned(recording, rate) for recording in recordings]
     findings, fused_errors = gate(tables), None
-    kernel = smoothing_kernel(tables, rate)  # of the positions as recorded, before speeds are fused with them
-    if not any(finding.is_artefact for finding in findings) and has_speed_sensor(tables):
+    is_of_speeds = not any(finding.is_artefact for finding in findings) and has_speed_sensor(tables)
+    kernel = smoothing_kernel(tables, rate, is_of_speeds=is_of_speeds)  # as recorded, because fusion smooths too
+    if is_of_speeds:
         findings.append(SPEED_SENSOR)
         fused_errors = errors_of_positions(tables)
         tables = [with_fast_speeds(table) for table in tables]
@@ -86,7 +87,7 @@ def measured_drivers(
     if data.noise < EXACT_NOISE and _are_exact(data, prior):
         # A simulation without noise is as smooth as a smoothed recording, so smoothness proves nothing here.
         return findings, _chosen(measured_from(tables, least_noise=EXACT_NOISE), options)
-    return [*findings, *([smoothed_positions(kernel)] if kernel.deviation else [])], data
+    return [*findings, *([smoothed_release(kernel, is_of_speeds=is_of_speeds)] if kernel.deviation else [])], data
 
 
 def labels_of(recordings: Sequence[Recording], options: DiscoverConfig) -> dict[str, list[pd.Series]]:

@@ -78,10 +78,10 @@ def gate(tables: Sequence[Thinned]) -> list[Finding]:
     return findings
 
 
-def smoothed_positions(kernel: Kernel) -> Finding:
-    """Finding that positions were smoothed before they were released."""
-    sd = kernel.deviation
-    words = f"positions were smoothed before they were released: {kernel.name} kernel, standard deviation {sd:.2f} s"
+def smoothed_release(kernel: Kernel, *, is_of_speeds: bool) -> Finding:
+    """Finding that positions, or speeds, were smoothed before they were released."""
+    sd, what = kernel.deviation, "speeds" if is_of_speeds else "positions"
+    words = f"{what} were smoothed before they were released: {kernel.name} kernel, standard deviation {sd:.2f} s"
     return Finding("smoothing", False, "time", "s", sd, 0.2 * sd, words)
 
 

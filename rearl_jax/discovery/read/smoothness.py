@@ -1,9 +1,10 @@
-"""Detection of smoothed positions from the power spectrum of the acceleration.
+"""Detection of smoothed positions, or smoothed measured speeds, from the power spectrum of the acceleration.
 
 Power of drives falls with frequency; that of white errors of positions rises with its fourth power, that of correlated
-errors with its second, and that of rounding again with its fourth. A kernel multiplies the power of everything before
-it by the square of its transfer function. The sizes of all these and the width of the kernel are fitted to the
-spectrum for every kernel in use and for none, and the most likely explanation is taken.
+errors with its second, and that of rounding again with its fourth; all powers are two lower for errors of speeds. A
+kernel multiplies the power of everything before it by the square of its transfer function. The sizes of all these and
+the width of the kernel are fitted to the spectrum for every kernel in use and for none, and the most likely explanation
+is taken.
 
 A tracker that smooths only the errors of positions cannot be told from one that smooths drives too, because at high
 frequencies drives have less power than errors; drives then count as smoothed, and fewer effects can be seen.
@@ -80,11 +81,12 @@ HANN = np.array([1.0, 4.0, 1.0]) / 6.0
 """Shares of the power at a frequency that a Hann window leaves there and moves to its neighbours [-]."""
 
 
-def smoothing_kernel(tables: Sequence[Thinned], frame_rate: float) -> Kernel:
-    """The kernel that the spectrum of the positions shows; all tables have the same time step, and were recorded at
-    `frame_rate` [1/s].
+def smoothing_kernel(tables: Sequence[Thinned], frame_rate: float, *, is_of_speeds: bool = False) -> Kernel:
+    """The kernel that the spectrum of the positions shows, or that of the speeds if motion within seconds is taken from
+    them; all tables have the same time step, and were recorded at `frame_rate` [1/s].
     """
-    spectrum = _acceleration_power(tables, round(frame_rate * tables[0][1]))
+    n_averaged = round(frame_rate * tables[0][1])
+    spectrum = _acceleration_power(tables, n_averaged, *(("speed", 1) if is_of_speeds else ("position", 2)))
     if spectrum is None:
         return UNSMOOTHED
     without, fits = spectrum.fitted(None), {name: spectrum.fitted(form.transfer) for name, form in FORMS.items()}
@@ -115,6 +117,7 @@ class _Spectrum:
         dt: Time step [s].
         n_averaged: Frames that were averaged to one time step.
         n_windows: Number of windows.
+        order: Order of the derivative that makes an acceleration of what was measured: 2 of positions, 1 of speeds.
     """
 
     frequency: Float[np.ndarray, " frequencies"]
@@ -122,6 +125,7 @@ class _Spectrum:
     dt: float
     n_averaged: int
     n_windows: int
+    order: int = 2
 
     def fitted(self, kernel: Callable[[np.ndarray], np.ndarray] | None) -> _Fit:
         """The best fit with a kernel, or without one."""
@@ -159,23 +163,23 @@ class _Spectrum:
             passed = passed * kernel(angles * np.exp(deviation)) ** 2
         decay = np.exp(-frame / np.exp(memory))  # of first-order autoregressive errors from frame to frame
         noise = np.exp(errors) / (1.0 + decay * (2.0 * np.sin(0.5 * angles * frame) / (1.0 - decay)) ** 2)
-        second_difference = (2.0 * np.sin(0.5 * self.frequency * self.dt) / self.dt) ** 4
+        difference = (2.0 * np.sin(0.5 * self.frequency * self.dt) / self.dt) ** (2 * self.order)
         drives = passed[0] * np.exp(level) * self.frequency**-slope
-        power = drives + second_difference * ((passed * noise).sum(axis=0) + np.exp(rounding))
+        power = drives + difference * ((passed * noise).sum(axis=0) + np.exp(rounding))
         return np.log(np.convolve(np.pad(power, 1, mode="edge"), HANN, mode="valid"))
 
 
-def _acceleration_power(tables: Sequence[Thinned], n_averaged: int) -> _Spectrum | None:
-    """The spectrum of all tracks, of whose frames `n_averaged` were averaged to one time step; None if they are too
-    short, or if no vehicle ever accelerates.
+def _acceleration_power(tables: Sequence[Thinned], n_averaged: int, column: str, order: int) -> _Spectrum | None:
+    """The spectrum of all tracks, of whose frames `n_averaged` were averaged to one time step: that of the derivative
+    of this order of a column. None if tracks are too short, or if no vehicle ever accelerates.
     """
     powers, dt = [], tables[0][1]
     n = 2 * int(SPECTRUM_TIME / dt / 2)
     window = np.hanning(n)
     for table, _ in tables:
-        position = table["position"].to_numpy()
+        values = table[column].to_numpy()
         for start, stop in zip(*track_bounds(table), strict=True):
-            acceleration = np.diff(position[start:stop], 2) / dt**2
+            acceleration = np.diff(values[start:stop], order) / dt**order
             for k in range(0, len(acceleration) - n + 1, n):
                 piece = acceleration[k : k + n]
                 powers.append(np.abs(np.fft.rfft((piece - piece.mean()) * window)) ** 2)
@@ -186,4 +190,4 @@ def _acceleration_power(tables: Sequence[Thinned], n_averaged: int) -> _Spectrum
     used = (frequency > LOWEST_FREQUENCY) & (frequency < HIGHEST_FREQUENCY * np.pi / dt)
     if not power[used].all():
         return None
-    return _Spectrum(frequency[used], power[used], dt, n_averaged, len(powers))
+    return _Spectrum(frequency[used], power[used], dt, n_averaged, len(powers), order)
