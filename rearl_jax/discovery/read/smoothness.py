@@ -77,6 +77,11 @@ LARGE = 3.0
 MEDIAN_OVER_MEAN = float(np.log(2.0))
 """Ratio of median to mean of a spectral power, which is exponentially distributed [-]."""
 
+LEAST_POWER = 1e-6
+"""Power that is added to the measured and to the expected spectrum, as a share of the largest one [-]: less than this
+leaks through the window from other frequencies, and says nothing.
+"""
+
 HANN = np.array([1.0, 4.0, 1.0]) / 6.0
 """Shares of the power at a frequency that a Hann window leaves there and moves to its neighbours [-]."""
 
@@ -129,7 +134,7 @@ class _Spectrum:
 
     def fitted(self, kernel: Callable[[np.ndarray], np.ndarray] | None) -> _Fit:
         """The best fit with a kernel, or without one."""
-        measured, usual = np.log(self.power), np.array(list(USUAL.values()))
+        measured, usual = np.log(self.power + LEAST_POWER * self.power.max()), np.array(list(USUAL.values()))
         # The logarithm of the median of n exponentially distributed powers has the variance 1 / (n log(2)^2).
         deviation = np.hypot(MODEL_ERROR, 1.0 / (MEDIAN_OVER_MEAN * np.sqrt(self.n_windows)))
 
@@ -166,7 +171,8 @@ class _Spectrum:
         difference = (2.0 * np.sin(0.5 * self.frequency * self.dt) / self.dt) ** (2 * self.order)
         drives = passed[0] * np.exp(level) * self.frequency**-slope
         power = drives + difference * ((passed * noise).sum(axis=0) + np.exp(rounding))
-        return np.log(np.convolve(np.pad(power, 1, mode="edge"), HANN, mode="valid"))
+        shown = np.convolve(np.pad(power, 1, mode="edge"), HANN, mode="valid")
+        return np.log(shown + LEAST_POWER * self.power.max())
 
 
 def _acceleration_power(tables: Sequence[Thinned], n_averaged: int, column: str, order: int) -> _Spectrum | None:
@@ -188,6 +194,6 @@ def _acceleration_power(tables: Sequence[Thinned], n_averaged: int, column: str,
     power = np.median(powers, axis=0) * dt / (window**2).sum()
     frequency = 2 * np.pi * np.fft.rfftfreq(n, dt)
     used = (frequency > LOWEST_FREQUENCY) & (frequency < HIGHEST_FREQUENCY * np.pi / dt)
-    if not power[used].all():
+    if not power[used].any():
         return None
     return _Spectrum(frequency[used], power[used], dt, n_averaged, len(powers), order)

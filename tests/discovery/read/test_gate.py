@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import convolve1d
 from scipy.signal import lfilter
 
-from rearl_jax.discovery.read.gate import gate, smoothed_positions
+from rearl_jax.discovery.read.gate import gate, smoothed_release
 from rearl_jax.discovery.read.kernels import FORMS, UNSMOOTHED
 from rearl_jax.discovery.read.smoothness import smoothing_kernel
 
@@ -58,7 +58,7 @@ def released(tables, kernel, deviation, errors):
 def test_smoothed_tracks_are_noticed(tables_of):
     kernel = smoothing_kernel(tables_of("smoothing"), RATE)
     assert 0.4 < kernel.deviation < 0.9
-    assert smoothed_positions(kernel).value == kernel.deviation
+    assert smoothed_release(kernel, is_of_speeds=False).value == kernel.deviation
     assert smoothing_kernel(tables_of(), RATE) == UNSMOOTHED
 
 

@@ -6,7 +6,9 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import savgol_filter
 
+from rearl_jax.discovery.read.kernels import FORMS, UNSMOOTHED, Kernel
 from rearl_jax.discovery.read.smoothing import position_noise, track_bounds
+from rearl_jax.discovery.read.smoothness import smoothing_kernel
 from rearl_jax.discovery.read.speed_sensor import has_speed_sensor, with_fast_speeds
 
 POSITION_NOISE, SPEED_NOISE = 0.5, 0.03
@@ -65,3 +67,25 @@ def test_a_speed_that_is_wrong_by_a_little_does_not_drift_away(true_tables):
     (raw, dt), (truth, _) = measured(true_tables, speeds="sensor")[0], true_tables[0]
     fused, _ = with_fast_speeds((raw.assign(speed=raw["speed"] + 0.1), dt))
     assert np.abs(fused["position"] - truth["position"]).max() < 3 * POSITION_NOISE
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_a_kernel_of_the_sensor_is_found_in_the_speeds_and_not_in_the_positions(true_tables, name):
+    used, smoothed = Kernel(name, 0.35), []
+    for table, dt in measured(true_tables, speeds="sensor"):
+        speed = table["speed"].to_numpy(copy=True)
+        for start, stop in zip(*track_bounds(table), strict=True):
+            speed[start:stop] = used.smoothed(speed[start:stop], dt)
+        smoothed.append((table.assign(speed=speed), dt))
+    rate = 1.0 / smoothed[0][1]
+    found = smoothing_kernel(smoothed, rate, is_of_speeds=True)
+    assert found.name == name
+    assert found.deviation == pytest.approx(used.deviation, rel=0.35 if name == "exponential" else 0.2)
+    assert smoothing_kernel(smoothed, rate) == UNSMOOTHED
+
+
+def test_fusion_smooths_and_is_no_kernel_of_the_recording(true_tables):
+    raw = measured(true_tables, speeds="sensor")
+    rate = 1.0 / raw[0][1]
+    assert smoothing_kernel(raw, rate, is_of_speeds=True) == UNSMOOTHED
+    assert smoothing_kernel([with_fast_speeds(table) for table in raw], rate) != UNSMOOTHED
