@@ -114,6 +114,10 @@ def test_nothing_is_added_that_predicts_worse(real, page):
     changed = table.index[table["population_change_share"] != 0]
     assert set(changed) == {("i80", "all")}
     assert "No effect is added to these models" in page
+    behind_people = table.loc[("fhwa", "person")]
+    assert (table.loc[("fhwa", "ACC"), "base"], behind_people["base"]) == ("idm", "fvdm")
+    for name in ("population", "first_half", "other_runs"):
+        assert behind_people[f"{name}_idm_share_low"] < 0 < behind_people[f"{name}_idm_share_high"]
     people = table.loc[("openacc_people", "people")]
     assert (people["base"], people["verdict"]) == ("constant_time_headway", "unexplained")
     assert f"lower than those of IDM by {lower(people, 'population')} with parameters of the population" in page
