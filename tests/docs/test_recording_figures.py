@@ -29,8 +29,8 @@ def test_no_verdict_is_named(verdict, page):
     assert "The verdict is `unexplained`" in page
     (added,) = verdict["effects"]
     assert (added["name"], added["confidence"]) == ("leader_acceleration", 0.5)
-    gain = " to ".join(f"{added['parameters']['gain'][end]:.2f}".lstrip("0") for end in ("low", "high"))
-    assert f"a gain of {added['parameters']['gain']['value']:.2f} ({gain}) with a confidence of .5".replace("0.", ".") in page
+    value, low, high = (f"{added['parameters']['gain'][end]:.2f}".lstrip("0") for end in ("value", "low", "high"))
+    assert f"a gain of {value} ({low} to {high}) with a confidence of .5" in page
     delay, lens = verdict["candidates"][:2]
     assert (delay["name"], delay["result"]) == ("reaction_delay", "predicts_no_better")
     assert f"a reaction delay gains {delay['check']:.0f} nats on other drivers one time step ahead" in page
