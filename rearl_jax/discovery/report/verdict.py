@@ -88,7 +88,7 @@ from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.report.candidate_results import result_of
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
-from rearl_jax.discovery.search.decision import Trial
+from rearl_jax.discovery.search.decision import REACTION_DELAY, Trial, shortest_delay
 from rearl_jax.discovery.search.families import distinguishing_data
 from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.search.screen import least_strength
@@ -243,7 +243,8 @@ def unseen(search: Search) -> list[dict[str, Any]]:
     entry `unseen` of the verdict; null if the data contain no information on it.
 
     The strength is that of the effect's first parameter, with the evidence that its expected score gives. Fitted and
-    check drivers must reach the evidence that exceeds chance and the least total, or the total that suffices alone.
+    check drivers must reach the evidence that exceeds chance and the least total, or the total that suffices alone. A
+    delay must also be long enough to be a reaction time.
     """
     rows, threshold = [], search.null.threshold(THRESHOLDS.candidate_z_score)
     for term, score in search.first_scores.items():
@@ -261,6 +262,8 @@ def unseen(search: Search) -> list[dict[str, Any]]:
             THRESHOLDS.least_total + by_chance, min(threshold[term], THRESHOLDS.total_below_z_score + by_chance)
         )
         strength = least_strength(score.information, search.layout.scale[list(candidate.directions)], needed)
+        if term == REACTION_DELAY:
+            strength = max(strength, shortest_delay(search.first.state.data))
         rows.append(
             {
                 "name": term.effect,

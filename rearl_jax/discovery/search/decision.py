@@ -20,6 +20,9 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 OF_FOLLOWER = frozenset({"follower_gap", "follower_approach_rate"})
 """Variables that depend on the vehicle behind."""
 
+REACTION_DELAY = Term("reaction_delay")
+"""The delay of drivers' responses."""
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -123,18 +126,22 @@ def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Tr
     ]
 
 
-def is_too_short(trial: Trial) -> bool:
-    """True if the trial is a delay that need not be a reaction time: shorter than the lag of vehicles, than
-    `least_delay`, or than the kernel that smoothed the positions.
+def shortest_delay(data: Measured) -> float:
+    """Shortest delay [s] that must be a reaction time: it exceeds the lag of vehicles, `least_delay`, and the standard
+    deviation of the kernel that smoothed the positions.
 
     A driver without a delay responds just as late if the vehicle takes time to carry out the acceleration, or if the
     decision is carried out one time step later.
     """
-    if trial.candidate.term != Term("reaction_delay"):
+    return max(THRESHOLDS.vehicle_lag, THRESHOLDS.least_delay * data.dt, data.kernel.deviation)
+
+
+def is_too_short(trial: Trial) -> bool:
+    """True if the trial is a delay that need not be a reaction time, see `shortest_delay`."""
+    if trial.candidate.term != REACTION_DELAY:
         return False
-    data, delays = trial.fit.state.data, trial.fit.state.theta[list(trial.candidate.free)]
-    least = max(THRESHOLDS.vehicle_lag, THRESHOLDS.least_delay * data.dt, data.kernel.deviation)
-    return bool(np.abs(delays).max() < least)
+    state = trial.fit.state
+    return bool(np.abs(state.theta[list(trial.candidate.free)]).max() < shortest_delay(state.data))
 
 
 def copies_leader(trial: Trial) -> bool:

@@ -108,7 +108,7 @@ def test_an_artefact_that_is_not_stated_is_no_verdict(trial, solver, calibrated)
 def test_the_weakest_effect_that_can_be_seen_gives_the_evidence_that_is_needed(
     solver, calibrated, known, by_chance, spread, needed
 ):
-    state, layout, effect = calibrated[0], solver.layout, Term("reaction_delay")
+    state, layout, effect = calibrated[0], solver.layout, Term("approach_rate_gain")
 
     def score(n, strength=0.0):
         information = np.diag(np.full(n, known / layout.scale[layout.candidates[effect].free[0]] ** 2))
@@ -122,5 +122,6 @@ def test_the_weakest_effect_that_can_be_seen_gives_the_evidence_that_is_needed(
     rows = {row["name"]: row for row in unseen(found)}
     strong = scores | {effect: score(len(layout.candidates[effect].directions), rows[effect.effect]["strength"])}
     assert evidences(state, strong, layout)[effect] == pytest.approx(needed)
+    assert rows["reaction_delay"]["strength"] >= THRESHOLDS.vehicle_lag  # a shorter one is no reaction time
     nothing = {term: replace(one, information=0.0 * one.information) for term, one in scores.items()}
     assert all(row["strength"] is None for row in unseen(replace(found, first_scores=nothing)))
