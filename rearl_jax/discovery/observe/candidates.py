@@ -113,6 +113,9 @@ EARLY_LEADER = Term("early_leader")
 LANE_CHANGES = (EARLY_LEADER, Term("relaxation"))
 """Effects of every lane change; the base model contains them, because they would otherwise hide other effects."""
 
+REACTION_DELAY = Term("reaction_delay")
+"""Delays of the responses to the vehicle ahead and to the own speed."""
+
 LENS = Term("lens")
 """Distortion of positions by the camera."""
 

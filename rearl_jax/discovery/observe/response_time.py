@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rearl_jax.core.effects.stimulus import Stimulus
-from rearl_jax.discovery.observe.candidates import LENS, Term, lens_at
+from rearl_jax.discovery.observe.candidates import LENS, REACTION_DELAY, lens_at
 from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.forcing import model_acceleration
 from rearl_jax.discovery.observe.observer import stimulus, straightened, straightened_start
@@ -34,9 +34,6 @@ EARLIEST, LATEST = -1.0, 3.0
 
 LEAST_DELAY = 0.15
 """Response time [s] from which drivers' own parameters are calibrated again under that delay."""
-
-DELAY = Term("reaction_delay")
-"""The effect with which drivers are calibrated again."""
 
 
 @dataclass(frozen=True)
@@ -108,12 +105,12 @@ def responses(solver: Solver, state: FitState) -> Responses:
     undelayed = covariances(solver, state)
     late = undelayed.delay(np.arange(state.data.n_drivers))
     layout = solver.layout
-    if late < LEAST_DELAY or DELAY in state.active or DELAY not in layout.candidates:
+    if late < LEAST_DELAY or REACTION_DELAY in state.active or REACTION_DELAY not in layout.candidates:
         return Responses(undelayed)
-    places = list(layout.candidates[DELAY].free)  # indices of theta, the parameters of all candidates
+    places = list(layout.candidates[REACTION_DELAY].free)  # indices of theta, the parameters of all candidates
     theta = state.theta.copy()
     theta[places] = np.minimum(late, layout.high[places])
-    delayed = replaced(state, theta=theta, active=(*state.active, DELAY))
+    delayed = replaced(state, theta=theta, active=(*state.active, REACTION_DELAY))
     solver.solve([delayed], iterations=15, tolerance=0.1)
     return Responses(undelayed, covariances(solver, delayed), float(theta[places[0]]))
 

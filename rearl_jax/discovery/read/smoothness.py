@@ -90,8 +90,8 @@ def smoothing_kernel(tables: Sequence[Thinned], frame_rate: float, *, is_of_spee
     """The kernel that the spectrum of the positions shows, or that of the speeds if motion within seconds is taken from
     them; all tables have the same time step, and were recorded at `frame_rate` [1/s].
     """
-    n_averaged = round(frame_rate * tables[0][1])
-    spectrum = _acceleration_power(tables, n_averaged, *(("speed", 1) if is_of_speeds else ("position", 2)))
+    column, order = ("speed", 1) if is_of_speeds else ("position", 2)
+    spectrum = _acceleration_power(tables, round(frame_rate * tables[0][1]), column, order)
     if spectrum is None:
         return UNSMOOTHED
     without, fits = spectrum.fitted(None), {name: spectrum.fitted(form.transfer) for name, form in FORMS.items()}
@@ -130,11 +130,11 @@ class _Spectrum:
     dt: float
     n_averaged: int
     n_windows: int
-    order: int = 2
+    order: int
 
     def fitted(self, kernel: Callable[[np.ndarray], np.ndarray] | None) -> _Fit:
         """The best fit with a kernel, or without one."""
-        measured, usual = np.log(self.power + LEAST_POWER * self.power.max()), np.array(list(USUAL.values()))
+        measured, usual = self._logarithm(self.power), np.array(list(USUAL.values()))
         # The logarithm of the median of n exponentially distributed powers has the variance 1 / (n log(2)^2).
         deviation = np.hypot(MODEL_ERROR, 1.0 / (MEDIAN_OVER_MEAN * np.sqrt(self.n_windows)))
 
@@ -171,8 +171,11 @@ class _Spectrum:
         difference = (2.0 * np.sin(0.5 * self.frequency * self.dt) / self.dt) ** (2 * self.order)
         drives = passed[0] * np.exp(level) * self.frequency**-slope
         power = drives + difference * ((passed * noise).sum(axis=0) + np.exp(rounding))
-        shown = np.convolve(np.pad(power, 1, mode="edge"), HANN, mode="valid")
-        return np.log(shown + LEAST_POWER * self.power.max())
+        return self._logarithm(np.convolve(np.pad(power, 1, mode="edge"), HANN, mode="valid"))
+
+    def _logarithm(self, power: Float[np.ndarray, " frequencies"]) -> Float[np.ndarray, " frequencies"]:
+        """Logarithm of a power together with LEAST_POWER."""
+        return np.log(power + LEAST_POWER * self.power.max())
 
 
 def _acceleration_power(tables: Sequence[Thinned], n_averaged: int, column: str, order: int) -> _Spectrum | None:

@@ -77,6 +77,7 @@ from rearl_jax.discovery.observe.candidates import (
     CANDIDATE_EFFECTS,
     EARLY_LEADER,
     NAMED_KINDS,
+    REACTION_DELAY,
     TWINS,
     Candidate,
     Layout,
@@ -88,7 +89,7 @@ from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.report.candidate_results import result_of
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
-from rearl_jax.discovery.search.decision import REACTION_DELAY, Trial, shortest_delay
+from rearl_jax.discovery.search.decision import Trial, shortest_delay
 from rearl_jax.discovery.search.families import distinguishing_data
 from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.search.screen import least_strength
@@ -112,7 +113,7 @@ def claim_of(
     parameters, deviations = {}, np.sqrt(np.diag(covariance))
     for (name, unit), place, deviation in zip(names_and_units(candidate), candidate.free, deviations, strict=True):
         value = float(theta[place])
-        if candidate.term == Term("reaction_delay"):
+        if candidate.term == REACTION_DELAY:
             deviation = np.hypot(deviation, THRESHOLDS.delay_deviation * trial.fit.state.data.dt)
         low, high = interval(value, THRESHOLDS.interval_stretch * float(deviation), confidence)
         low, high = max(low, float(layout.low[place])), min(high, float(layout.high[place]))

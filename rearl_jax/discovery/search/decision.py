@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.base import Base
-from rearl_jax.discovery.observe.candidates import CANDIDATE_EFFECTS, PLACED, Candidate, Term
+from rearl_jax.discovery.observe.candidates import CANDIDATE_EFFECTS, PLACED, REACTION_DELAY, Candidate, Term
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
@@ -19,9 +19,6 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 
 OF_FOLLOWER = frozenset({"follower_gap", "follower_approach_rate"})
 """Variables that depend on the vehicle behind."""
-
-REACTION_DELAY = Term("reaction_delay")
-"""The delay of drivers' responses."""
 
 
 @dataclass(frozen=True)

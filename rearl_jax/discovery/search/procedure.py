@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rearl_jax.discovery.observe.base import Base, base_of
-from rearl_jax.discovery.observe.candidates import EARLY_LEADER, LENS, NAMED_KINDS, Term
+from rearl_jax.discovery.observe.candidates import EARLY_LEADER, LENS, NAMED_KINDS, REACTION_DELAY, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, Clocks
 from rearl_jax.discovery.observe.fit import Fit, joint_fit, recalibrated
 from rearl_jax.discovery.observe.solver import Solver
@@ -31,7 +31,7 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 
 log = logging.getLogger(__name__)
 
-UNDERSTATED = frozenset({Term("reaction_delay")})
+UNDERSTATED = frozenset({REACTION_DELAY})
 """Candidates that are fitted whenever their evidence exceeds chance. Drivers who are calibrated without a delay imitate
 most of it, so the score at a delay of zero understates it.
 """
